@@ -13,6 +13,7 @@ from lfcore.errors import OpticsError
 PEAK = 255.0
 """Display value of white."""
 _PART = 1 << 18
+"""The numbers that are converted at a time: they stay in the cache."""
 
 
 def srgb_encode(linear: np.ndarray | float) -> np.ndarray:

@@ -18,11 +18,15 @@ from lfcore.errors import SceneError
 DESCRIPTIONS = (".yaml", ".yml")
 MIB = 2**20
 LARGEST_DESCRIPTION = 4 * MIB
+"""The largest YAML file, bytes."""
 LARGEST_TEXT = 1024 * MIB
+"""The largest file of text, such as pbrt's or a material library, bytes."""
 LARGEST_MESH = 4096 * MIB
+"""The largest mesh file, bytes."""
 LARGEST_PICTURE = 4096 * MIB
-"""Mosaics of views are large by nature."""
+"""The largest picture, bytes: mosaics of views are large by nature."""
 DEEPEST_YAML = 64
+"""The deepest nesting of a YAML file."""
 MOST_YAML_NODES = 100_000
 """The largest number of values of a YAML file with its aliases followed."""
 

@@ -26,6 +26,7 @@ from lfcore.tracing.tracer import Tracer
 
 Planes = Sequence[SensorPlane]
 EDGE_SHARE = 0.1
+"""The share of pixels that count as edges: the steepest of the reference."""
 
 
 class Result(NamedTuple):

@@ -25,7 +25,9 @@ from lfcore.pictures import contact_sheet as sheet_of
 from lfcore.pictures import write_picture
 
 PANEL_PX = 256
+"""The width of a picture in a sheet."""
 GAP_PX = 10
+"""The gap between pictures of a sheet."""
 
 matplotlib.use("Agg")
 matplotlib.rcParams.update({

@@ -15,7 +15,9 @@ from lfcore.colour import display_values
 from lfcore.errors import LfcoreError
 
 PEAK = 255
+"""White, in 8-bit codes."""
 SSIM_SIGMA = 1.5
+"""The standard deviation of the Gaussian window, pixels."""
 SSIM_WINDOW = 11
 """Pixels per side of the Gaussian window, which scikit-image cuts off at 3.5 sigma."""
 

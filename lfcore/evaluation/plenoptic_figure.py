@@ -14,6 +14,7 @@ from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.tracing.tracer import Tracer
 
 PANEL_PX = 384
+"""The width of a picture in the sheet."""
 LENSES_SHOWN = 24
 """The microlenses per side of the detail, in which each is visible."""
 INSET = 2

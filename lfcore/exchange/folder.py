@@ -32,6 +32,7 @@ COLUMN, ROW = ("x", "c", "col", "column"), ("y", "r", "row")
 """The words before a number that say what it counts."""
 PLENO = re.compile(r"\d{3}_\d{3}\.ppm")
 PLENO_BITS = 10
+"""Bits per sample of JPEG Pleno's pictures."""
 CONFIG, KIND = "views.json", "lfcore views"
 MOST_UNEQUAL = 0.05
 """The relative difference below which steps across and down count as one pitch."""

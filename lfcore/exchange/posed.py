@@ -24,7 +24,13 @@ from lfcore.exchange.source import Source, View
 from lfcore.files import write_text
 from lfcore.pictures import write_picture
 
-_TURNED, _APART, _FARTHEST = 1e-3, 1e-2, 1e12
+_TURNED = 1e-3
+"""The largest difference of rotation matrices of parallel cameras, per entry."""
+_APART = 1e-2
+"""The largest deviation of cameras from a plane and from even steps, in steps; half of it, in the
+grid's size, parts columns and rows."""
+_FARTHEST = 1e12
+"""The largest number of a pose."""
 MODEL = Path("sparse") / "0"
 LENSES = {
     "SIMPLE_PINHOLE": "f cx cy", "PINHOLE": "fx fy cx cy", "SIMPLE_RADIAL": "f cx cy k1",

@@ -24,6 +24,7 @@ NERFSTUDIO, IDLAB = "transforms.json", "lightfield.json"
 TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 """The turn from x right, y up, z back to x right, y forward, z up."""
 MOST_MM = 65535
+"""The largest depth of 16 bits, mm; farther ones are stored as 0, unknown."""
 
 
 def read_nerfstudio(path: Path, options: ReadOptions) -> ViewGrid:

@@ -16,6 +16,7 @@ Solid = Callable[[np.ndarray, np.ndarray], np.ndarray]
 # The relative distance below which crossings are equal: t is known to 1e-10.
 SAME = 4e-10
 TINY = 1e-300
+"""Keeps a division by 0 finite."""
 
 
 @dataclass(frozen=True)

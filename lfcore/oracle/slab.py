@@ -9,6 +9,7 @@ from lfcore.oracle.textures import solid_of
 from lfcore.scene.model import Scene
 
 RAYS = 1 << 16
+"""The rays that are traced at a time."""
 
 
 def slab_rays(slab: Slab, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

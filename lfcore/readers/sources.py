@@ -27,6 +27,7 @@ _NAMED = re.compile(
 )
 """Lines of OBJ, MTL and PLY files that name a file."""
 _PLY_HEADER_BYTES = 1 << 16
+"""The part of a PLY file, bytes, in which its header ends."""
 
 Scanner = Callable[[Path], Iterable[str]]
 

@@ -9,6 +9,7 @@ from lfcore.scene.arrays import columnwise, dot
 from lfcore.scene.surface_mesh import SurfaceMesh, area_vectors
 
 HEAD_BYTES = 4096
+"""The part of a file, bytes, that is searched for the words."""
 WORDS = re.compile(rb"\bz[-_ ]?(?:axis )?(?:is )?up\b|\bup[-_ ]?(?:axis|vector)?\W{1,3}z\b", re.I)
 FOOT = 0.04
 """The least share of the surface that is a foot."""

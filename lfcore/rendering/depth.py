@@ -20,7 +20,9 @@ from lfcore.rendering.exposure import ExposedTracer
 from lfcore.tracing.tracer import Tracer
 
 VIEWS_AT_A_TIME_RAYS = 1 << 24
+"""The rays of views that are traced at a time."""
 SAME_PX = 0.5
+"""The blur, pixels, within which two depths are the same."""
 RANGE_VIEWS = 3
 """The lens samples per side of the rays that measure the range of depths."""
 RANGE_PIXELS = 96

@@ -25,6 +25,7 @@ from lfcore.scene.view import LIGHTFIELD
 from lfcore.tracing.tracer import Tracer
 
 MOST_INSTANTS = 16
+"""The most instants of an open shutter, unless more are given."""
 _CHUNK_RAYS = 1 << 23
 """The rays traced at a time, of several lens points: their pictures take 96 MiB."""
 

@@ -14,7 +14,7 @@ from lfcore.files import read_arrays, whole_file
 from lfcore.scene.arrays import check_array
 
 MOST_CELLS = 1 << 20
-"""The cells per edge that no grid reaches: its points would not fit into memory."""
+"""More cells per edge than any grid has: its points would not fit into memory."""
 FORMAT = "lfcore light 1"
 ASKS = ("sky", "bounces")
 """The keys of a scene.yaml that ask for baked light."""

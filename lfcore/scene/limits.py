@@ -20,8 +20,10 @@ BRIGHTEST = 1e12
 MOST_ATTENUATION = 1e12
 """The largest factor of a light near its position: finite, because it also multiplies highlights
 of 0."""
-SMALLEST_LENGTH, LARGEST_LENGTH = 1e-12, 1e12
-"""The lengths of a camera, metres; a pinhole may be smaller."""
+SMALLEST_LENGTH = 1e-12
+"""The least length of a camera, metres; a pinhole may be smaller."""
+LARGEST_LENGTH = 1e12
+"""The largest length of a camera, metres."""
 WIDEST_FIELD = 1e9
 """The greatest tangent extent of a field, and the inverse of the least."""
 FARTHEST_UV = 1e5

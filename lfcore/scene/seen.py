@@ -2,8 +2,8 @@
 
 A ray through the lens centre with tangents (x, y) hits the triangle v0 v1 v2 if (x, y, 1) has the
 same sign against the three planes through the lens centre and an edge.  So triangles on both sides
-of the lens need no clipping.  Source: Olano and Greer, "Triangle
-Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997.
+of the lens need no clipping.  Source: Olano and Greer, "Triangle Scan Conversion using 2D
+Homogeneous Coordinates", Graphics Hardware 1997.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ from lfcore.scene.arrays import columnwise
 SIDE = 64
 """The rays per side of the coarse picture."""
 PAIRS_AT_A_TIME = 1 << 19
+"""The pairs of triangle and ray that are tested at a time."""
 Ticks = tuple[np.ndarray, np.ndarray]
 """The tangents of the rays' columns and rows, evenly spaced."""
 

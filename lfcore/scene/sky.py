@@ -39,9 +39,10 @@ SUNS = 8
 """The most suns of a sky: each costs a shadow ray per hit."""
 WIDEST_SPOT = 0.02
 """The largest solid angle of a small bright spot, steradians."""
-SPOT_CONTRAST, SUN_CONTRAST = 10.0, 50.0
-"""The least radiance of a spot's texels, and the least mean radiance of a sun, in mean radiances of
-the sky beside the spots."""
+SPOT_CONTRAST = 10.0
+"""The least radiance of a spot's texels, in mean radiances of the sky beside the spots."""
+SUN_CONTRAST = 50.0
+"""The least mean radiance of a sun, in the same unit."""
 LEAST_SUN = 0.01
 """The least share of a sun in the sky's light."""
 SPREAD = 0.2

@@ -221,6 +221,7 @@ def shaded(part: SurfaceMesh, shading: str, crease_deg: float) -> SurfaceMesh:
 
 
 MAX_VALENCE = 512
+"""The most faces at a vertex with smooth normals."""
 MIXING = np.uint64(0x9E3779B97F4A7C15)
 """An odd multiplier that hashes coordinates."""
 ROUNDING = 1e-6

@@ -13,6 +13,7 @@ from typing import Any
 from lfcore.errors import LfcoreError
 
 PR_SET_PDEATHSIG = 1
+"""Linux's option of prctl: the signal when the parent ends."""
 RUN = "LFCORE_RUN"
 """The environment variable with the process number of the run's Snakemake."""
 

@@ -39,8 +39,14 @@ FILTERS = (1.0, 2.0)
 the lens's disk."""
 LENS_POINTS = 8
 """Points per side of the quadrature's lens rule; 2 x 2 points on the film."""
-FINE_LENS, LIMIT_LENS, FINE_FILM = 24, 16, 8
+FINE_LENS = 24
+"""Lens points per side of pictures without visible noise."""
+LIMIT_LENS = 16
+"""Lens points per side of the picture that samplers converge to."""
+FINE_FILM = 8
+"""Film points per side of a pixel of that picture."""
 SAMPLES = 4
+"""Rays per pixel of traced arrays."""
 SAMPLERS = ("independent", "stratified", "halton")
 CONVERGENCE_PX = 64
 CONVERGENCE_CAMERAS = 16
@@ -164,11 +170,17 @@ def reconstruction_figure(rows: Sequence[Mapping], slopes: Mapping[str, Mapping]
 
 
 FOV_DEG = 50.0
+"""The field of view of pictures that see through objects."""
 FEW = (2, 4, 8, 16)
+"""Cameras per side of arrays of few cameras."""
 MANY = (4, 8, 16, 32, 64, 128)
+"""Cameras per side of arrays of equal storage."""
 SMALLEST_TILE = 4
-SHUTTER_FOCUS_M = 5.4  # the near side of the sphere, from the cameras
+"""The fewest pixels per side of a camera."""
+SHUTTER_FOCUS_M = 5.4
+"""The distance from the cameras to the near side of the moving sphere."""
 SHUTTER_LENS_M = 0.2
+"""The radius of the lens before the moving sphere."""
 
 
 def see_through(

@@ -48,6 +48,7 @@ def far_self_shadow(tracer: TracerUnderTest, distance: float) -> Measurement:
 
 
 SLANT = 100.0
+"""The length of a gap's shadow, in gaps."""
 
 
 @sweep("6", "gap m", (1e-1, 1e-2, 1e-3, 1e-4, 3e-5, 1e-5, 3e-6))
@@ -143,12 +144,18 @@ def _naive_picture(mesh: np.ndarray, light: Light, rays: Rays, offset: np.float3
     return np.minimum(colour, 1)
 
 
-PIXELS, HALF, DEPTH, BACK = 16, 1.5, 2.0, 1.0
-"""The side of pictures; half a room's width, and its depths before and behind the camera,
-metres."""
+PIXELS = 16
+"""The side of pictures."""
+HALF = 1.5
+"""Half the width of a room, metres."""
+DEPTH = 2.0
+"""The depth of a room before the camera, metres."""
+BACK = 1.0
+"""The depth of a room behind the camera, metres."""
 RAYS = 64
 """The naive method's random rays per point."""
 MOST_RAYS = 1024
+"""The most rays per point of a bake: few hit a narrow slit."""
 WANTED = BakeOptions(bounces=0, error=0.05, cells=8)
 REQUESTED = Bound(WANTED.error, "share of the light", "the requested error")
 LEVEL = 0.5

@@ -222,6 +222,7 @@ def nearly_coplanar(tracer: TracerUnderTest, ulp: int) -> Measurement:
 ALL_DIGITS = 2.0**24
 """The error, in units of 2^-24 of a depth, that is as large as the depth itself."""
 BLOCK_PIXELS = 24
+"""The sampled pixels of a slab that is traced by blocks."""
 
 
 @sweep("3", "|c| m", (0.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7))

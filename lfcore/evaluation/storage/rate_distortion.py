@@ -56,6 +56,7 @@ SSIM_PX = 1 << 17
 WINDOW_STEP = 8
 """The step of window sides, so that whole frames of 8 x 8 macropixels fill them."""
 LEAST_WINDOW = 16
+"""The least side of a window, pixels."""
 
 
 @dataclass(frozen=True)
@@ -202,6 +203,7 @@ LAYOUT_COLUMNS = [
 ]  # fmt: skip
 ORDER = "serpentine"
 LARGEST_FRAME_PX = 512
+"""The largest side of a frame of several macropixels."""
 
 
 def layouts(views: int, pixels: int, packs: Sequence[int]) -> Iterator[FrameLayout]:

@@ -20,8 +20,10 @@ COLUMNS = (
 ON_THE_FLY, FROM_FILE, IN_MEMORY = "on the fly", "from a file", "from memory"
 """The panels, by the rays' place when the clock starts."""
 NOT_JUDGED = f"not judged: within {BELOW_DB:g} dB of the error of the true picture"
-REPEATS, BUDGET_SECONDS = 5, 0.3
-"""The runs of short work, and the seconds for all runs of longer work."""
+REPEATS = 5
+"""The runs of short work."""
+BUDGET_SECONDS = 0.3
+"""The seconds for all runs of longer work."""
 
 
 def point(reference: Reference, pictures: np.ndarray, *, rays: int, **context: Any) -> dict:

@@ -23,6 +23,7 @@ from lfcore.scene.notes import LEFT_OUT, NOT_USED
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, grid_triangles, normalise, xyz
 
 TOLERANCE = 1e-3
+"""The largest distance of triangles from a curved shape, in its radii."""
 # Corners of a triangle without texture coordinates, as pbrt gives them.
 _DEFAULT_UVS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
 

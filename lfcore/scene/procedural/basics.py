@@ -44,6 +44,7 @@ def _triple(colour: float | Colour) -> Colour:
 
 
 MOST_TRIANGLES = 50_000_000
+"""The most triangles that a builder fills a scene up to: they fit into memory."""
 
 
 def filled_to(
