@@ -8,7 +8,7 @@ grids are refined where neighbours differ.  In the end the error is measured.
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,6 +45,38 @@ _ROUND_UP = 0.25
 """Added to base-2 logarithms of cells before they are rounded down."""
 
 
+class SeenFaces(NamedTuple):
+    """The faces that the camera sees.
+
+    Attributes
+    ----------
+    faces : (F,) the faces.
+    weights : (F, 3) the mean barycentric weights where each is seen.
+    distance : (T,) the least distance of each triangle, metres; infinite if it is not seen.
+    """
+
+    faces: np.ndarray
+    weights: np.ndarray
+    distance: np.ndarray
+
+
+class GridSides(NamedTuple):
+    """The sides of triangles' grids.
+
+    Attributes
+    ----------
+    sides, direct_sides : (T,) cells along an edge, powers of 2: for irradiance, for direct light.
+    cells : (T,) cells for irradiance, in the mean over directions, not rounded; 0 if unseen.
+    steps : (T,) the sides of cubes, metres, in which triangles share points if they are smaller
+        than the finest cells; else 0.
+    """
+
+    sides: np.ndarray
+    direct_sides: np.ndarray
+    cells: np.ndarray
+    steps: np.ndarray
+
+
 def bake_light(
     scene: Scene,
     bvh: Bvh,
@@ -64,21 +96,24 @@ def bake_light(
     _check_albedo(scene)
     scene = _without_glass(scene)
     around = Surroundings(scene, bvh, device)
-    faces, weights, distance = _seen_faces(scene, around, _RAYS_PER_CELL * options.cells)
-    if not len(faces):  # the picture is of the sky alone
+    seen = _seen_faces(scene, around, _RAYS_PER_CELL * options.cells)
+    if not len(seen.faces):  # the picture is of the sky alone
         dark = np.tile(np.array([0, 0, 1], np.int32), (scene.triangle_count, 1))
         return BakedLight(dark, np.zeros((3, 3), np.float32), rays=around.rays)
-    *both_sides, cells, steps = _grid_sides(scene, distance, options)
-    grids, direct_grids = (Grids(scene, around.lens, sides, steps) for sides in both_sides)
+    chosen = _grid_sides(scene, seen.distance, options)
+    grids, direct_grids = (
+        Grids(scene, around.lens, sides, chosen.steps)
+        for sides in (chosen.sides, chosen.direct_sides)
+    )
     cache = IrradianceCache(grids, direct_grids, around, options)
     report = progress or (lambda done, of: None)
-    cache.find_points(faces, weights)
+    cache.find_points(seen.faces, seen.weights)
     report(1, 4)
     cache.bounce()
     report(2, 4)
     cache.converge()
     report(3, 4)
-    light = Refinement(cache, denoised(cache), cells).refine()
+    light = Refinement(cache, denoised(cache), chosen.cells).refine()
     error = math.hypot(measured_error(cache, light), cache.cut)
     report(4, 4)
     return replace(light, error=error, rays=around.rays)
@@ -113,12 +148,8 @@ def _check_albedo(scene: Scene) -> None:
             )  # fmt: skip
 
 
-def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndarray, ...]:
-    """Find what the camera sees, in its field and a little beside it, by ``count`` rays per side.
-
-    Returns the seen faces (F,), the mean barycentric weights (F, 3) where each is seen, and the
-    least distance (T,) of each triangle, infinite if it is not seen.
-    """
+def _seen_faces(scene: Scene, around: Surroundings, count: int) -> SeenFaces:
+    """Find what the camera sees in its field and a little beside it; ``count`` rays per side."""
     camera, triangles = scene.camera, scene.triangles
     step, distance = FIELD * camera.field_width / count, np.full(len(triangles), np.inf)
     sums = np.zeros((4, 2 * len(triangles)))
@@ -143,7 +174,8 @@ def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndar
             total += np.bincount(faces, values, len(total))
     faces = np.flatnonzero(sums[3])
     corners = triangles[faces // 2].astype(np.float64)
-    return faces, _barycentric(corners, (sums[:3, faces] / sums[3, faces]).T), distance
+    weights = _barycentric(corners, (sums[:3, faces] / sums[3, faces]).T)
+    return SeenFaces(faces, weights, distance)
 
 
 def _barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -157,13 +189,8 @@ def _barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     return weights / weights.sum(1, keepdims=True)
 
 
-def _grid_sides(scene: Scene, distance: np.ndarray, options: BakeOptions) -> tuple[np.ndarray, ...]:
-    """Choose cells along an edge (T,) of triangles at a ``distance`` (T,).
-
-    Returns powers of 2 for irradiance, and for direct light; the number for irradiance in the mean
-    over directions, not rounded, 0 for unseen triangles; and the cubes' sides in which triangles
-    smaller than the finest cells share points, metres, else 0.
-    """
+def _grid_sides(scene: Scene, distance: np.ndarray, options: BakeOptions) -> GridSides:
+    """Choose cells along an edge of triangles at a ``distance`` (T,)."""
     cells = options.cells
     corners = scene.triangles.astype(np.float64)
     edge, size = longest_edge(corners), extent(scene.triangles)[1]
@@ -182,4 +209,4 @@ def _grid_sides(scene: Scene, distance: np.ndarray, options: BakeOptions) -> tup
     finest = cell / np.where(seen, FINEST * options.fineness, 1)
     steps = np.ldexp(1.0, np.frexp(np.maximum(finest, 1e-300))[1] - 1)
     cells_across = np.where(seen, np.sqrt(2 * area) / cell, 0)
-    return sides, direct_sides, cells_across, np.where(edge < steps, steps, 0)
+    return GridSides(sides, direct_sides, cells_across, np.where(edge < steps, steps, 0))

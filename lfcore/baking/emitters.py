@@ -99,7 +99,8 @@ class Emitters:
         faces = self._faces[which]
         up = self.around.flat_of(faces)
         points = Points(places.astype(np.float32), up, up, np.zeros(_TESTS))
-        hit = self.around.hits(points, directions(points, *samples(np.arange(_TESTS), 0, 1)))[0]
+        towards = directions(points, *samples(np.arange(_TESTS), 0, 1))
+        hit = self.around.hits(points, towards).faces
         useful = (hit >= 0) & ~np.isin(hit // 2, self._faces // 2)
         tests = np.bincount(which, minlength=len(self._faces))
         share = np.bincount(which, useful, len(self._faces)) / np.maximum(tests, 1)

@@ -1,6 +1,7 @@
 """What gather rays see: sky, emission, reflectance, and the scene's lights."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,6 +45,21 @@ def mean_colour(a: np.ndarray) -> np.ndarray:
     return (a[..., 0] + a[..., 1] + a[..., 2]) / 3
 
 
+class FaceHits(NamedTuple):
+    """The hits of rays.
+
+    Attributes
+    ----------
+    faces : (R,) the faces; -1 for a miss.
+    weights : (R, 3) barycentric weights; 0 for a miss.
+    distances : (R,) in units of the rays' directions.
+    """
+
+    faces: np.ndarray
+    weights: np.ndarray
+    distances: np.ndarray
+
+
 class Surroundings:
     """What rays from a scene's points see.
 
@@ -73,8 +89,8 @@ class Surroundings:
         self.lens = scene.camera.lens_radius_m * np.array(_LENS_POINTS)
         self.emits = emitting_triangles(scene)
 
-    def hits(self, points: Points, towards: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Trace rays (P, n, 3) from points; returns what :meth:`cast` returns."""
+    def hits(self, points: Points, towards: np.ndarray) -> FaceHits:
+        """Trace rays (P, n, 3) from points."""
         owners = np.repeat(np.arange(len(points)), towards.shape[1])
         towards = towards.reshape(-1, 3)
         return self.cast(self.starts(points, owners, towards), towards)
@@ -120,14 +136,13 @@ class Surroundings:
         half = FIELD * camera.field_width / 2 * depth + spread
         return (depth > 0) & (abs(x) <= half) & (abs(y) <= half)
 
-    def cast(self, origins: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Trace rays (R, 3); returns the faces (R,) that they hit, -1 none, barycentric weights
-        (R, 3), and distances (R,) in units of ``towards``."""
+    def cast(self, origins: np.ndarray, towards: np.ndarray) -> FaceHits:
+        """Trace rays (R, 3)."""
         triangle, distance, weights = self.tracer.closest_hit(origins, towards)
         self.rays += len(origins)
         behind = dot(self.unit[triangle], towards) > 0
         faces = np.where(triangle < 0, -1, 2 * triangle.astype(np.int64) + behind)
-        return faces, np.where((triangle < 0)[:, None], 0, weights), distance
+        return FaceHits(faces, np.where((triangle < 0)[:, None], 0, weights), distance)
 
     def surfaces(self, origins: np.ndarray, towards: np.ndarray) -> tuple[RayHits, HitSurfaces]:
         """Trace rays (R, 3); returns their hits, and the surfaces there: their emission, or the

@@ -104,7 +104,7 @@ def _of_discs(around: Surroundings, points: Points, seeds: np.ndarray) -> np.nda
     choice = np.searchsorted(ends, samples(seeds, 0, 1)[0][:, 0] * ends[-1])
     chosen = texels[np.minimum(choice, len(texels) - 1)]
     towards = texel_directions(side).reshape(-1, 3)[chosen].astype(np.float32)
-    hit = around.cast(around.starts(points, slice(None), towards), towards)[0]
+    hit = around.cast(around.starts(points, slice(None), towards), towards).faces
     return np.where(hit < 0, ends[-1] * np.maximum(dot(points.normals, towards), 0), 0)
 
 

@@ -116,11 +116,10 @@ def _typical(away: int, bounds: tuple[float, ...]) -> float:
 def _covered(edges: np.ndarray, pixels: int, side: float) -> np.ndarray:
     """(pixels,) weight of a pixel from light between the first and the last of ``edges``, spread
     over a box of that side."""
-    if not side:
-        left = np.arange(pixels)
-        return np.clip(np.minimum(edges[-1], left + 1) - np.maximum(edges[0], left), 0, 1)
-    places = (np.arange(64) + 0.5) / 64 * side - side / 2
-    return np.mean([_covered(edges + place, pixels, 0.0) for place in places], axis=0)
+    places = ((np.arange(64) + 0.5) / 64 * side - side / 2)[:, None] if side else 0.0
+    left = np.arange(pixels)[None]
+    ends = np.minimum(edges[-1] + places, left + 1), np.maximum(edges[0] + places, left)
+    return np.clip(ends[0] - ends[1], 0, 1).mean(axis=0)
 
 
 def _shares(low: np.ndarray, high: np.ndarray, pixels: int) -> np.ndarray:
