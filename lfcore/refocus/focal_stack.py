@@ -151,10 +151,9 @@ class FocalStackSummer:
         self._block = blocks
         self._centre = np.array([lens[blocks == b].mean() for b in range(self.schedule.blocks)])
         self._size = slab.pixels + 2 * self.schedule.pad
-        defines = {"BILINEAR": 0, "MAGNIFIED": 0}
         kernels = ("add_views", "uint"), ("scale_views", "uint"), ("add_views", "ulong")
         self._gather, self._scale, self._spread = (
-            Kernel(self.device, [FILE], name, {**defines, "SUM": sum_type}, INTERFACE)
+            Kernel(self.device, [FILE], name, {"MAGNIFIED": 0, "SUM": sum_type}, INTERFACE)
             for name, sum_type in kernels
         )
         self._blocks = self.device.zeros(self.schedule.pictures * 12 * self._size**2)

@@ -105,11 +105,11 @@ class PlaneFormer:
         self._run(light, (columns, rows), self._placements[first : first + len(light)])
 
     def _run(self, rays: np.ndarray, size: tuple[int, int], placements: np.ndarray) -> None:
-        device = self.device
+        device, form = self.device, self.tile.layout.format
         width, height = size
         arguments = self._sums.arguments(
             elements=len(placements), rays_width=width, rays_height=height,
-            scratch_words=self._words,
+            halved=form.subsampling > 1, is_rgb=form.rgb, scratch_words=self._words,
         )  # fmt: skip
         self._kernel(
             self._sums.workers, rays=device.shared(np.ascontiguousarray(rays)),

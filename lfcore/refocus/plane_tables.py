@@ -28,6 +28,8 @@ PLANE_ARGUMENTS = np.dtype([
     ("elements", INT),  # whose rays are added
     ("rays_width", INT),  # of a frame, of a traced view, or of the traced rays of a macropixel
     ("rays_height", INT),
+    ("halved", INT),  # of frames: whether chroma has half the width and height
+    ("is_rgb", INT),
     ("scratch_words", INT),  # of a worker
 ])  # fmt: skip
 """The arguments of kernels that form planes."""

@@ -35,6 +35,7 @@ SHIFT_SUM_ARGUMENTS = np.dtype([
     ("bottom", INT),
     ("size", INT),  # side M of a plane
     ("lens", INT),  # side N of the lens, for MAGNIFIED
+    ("is_bilinear", INT),  # four taps, not one
 ])  # fmt: skip
 SHIFTED_VIEW = np.dtype([
     ("view", INT),
@@ -98,9 +99,7 @@ class ViewSummer:
         self.open_samples = np.argwhere(np.any(self._masks, axis=0))[:, ::-1].astype(np.int32)
         # Without magnification each view has one shift; else tables have an entry per pixel.
         self._magnified = any(plane.magnification(slab) != 1.0 for plane in planes)
-        defines = {
-            "BILINEAR": filter == "bilinear", "MAGNIFIED": self._magnified, "SUM": "ulong",
-        }  # fmt: skip
+        defines = {"MAGNIFIED": self._magnified, "SUM": "ulong"}
         self._kernel = Kernel(self.device, [FILE], "add_views", defines, INTERFACE)
         tables_of = [taps(slab, plane, filter) for plane in planes]
         self._first = np.stack([first for first, _ in tables_of])  # (planes, N, M)
@@ -122,7 +121,8 @@ class ViewSummer:
         (left, right), (top, bottom) = spans
         launch_add(
             self._kernel, self.device, views, region, (left, top, right, bottom), self.slab.pixels,
-            lists, entries, self._sums, lens=self.slab.views, **self._tables,
+            lists, entries, self._sums, lens=self.slab.views,
+            is_bilinear=self.filter == "bilinear", **self._tables,
         )  # fmt: skip
         self.device.queue.finish()
 
@@ -193,6 +193,7 @@ def launch_add(
     sums: cl.Buffer,
     *,
     lens: int = 0,
+    is_bilinear: bool = False,
     first: cl.Buffer | None = None,
     share: cl.Buffer | None = None,
 ) -> None:
@@ -200,7 +201,7 @@ def launch_add(
     (column, row, width, height), (left, top, right, bottom) = region, output
     numbers = record(
         SHIFT_SUM_ARGUMENTS, column=column, row=row, width=width, height=height, left=left, top=top,
-        right=right, bottom=bottom, size=size, lens=lens,
+        right=right, bottom=bottom, size=size, lens=lens, is_bilinear=is_bilinear,
     )  # fmt: skip
     # A GPU needs many work-items, a CPU long ones.
     across = 1 if device.is_cpu else -(-(right - left) // device.lanes)

@@ -29,6 +29,9 @@ _SOURCE = "refocus/kernels/unpack_views.cl"
 UNPACKING_ARGUMENTS = np.dtype([
     ("frame_width", INT),
     ("frame_height", INT),
+    ("halved", INT),  # whether chroma has half the width and height
+    ("is_rgb", INT),
+    ("by_views", INT),  # whether frames hold views, not macropixels
     ("width", INT),  # of a view
     ("height", INT),
 ])  # fmt: skip
@@ -80,7 +83,7 @@ class FrameUnpacker:
         self.receiver, self.layout = receiver, layout
         self._pixels = pixels or (0, 0, layout.pixels, layout.pixels)
         self._corner = np.array(corner, np.int32)
-        defines = layout.defines | {"VIEWS": int(layout.kind == "views")}
+        defines = layout.defines
         self._kernel = Kernel(receiver.device, [_SOURCE], "unpack_views", defines, INTERFACE)
         self._open, self._views = receiver.open_samples, receiver.device.empty(0)
         self._band = page_aligned((0,), layout.format.dtype.type)
@@ -163,7 +166,8 @@ class FrameUnpacker:
             samples=device.buffer(np.ascontiguousarray(samples)), views=self._views,
             numbers=record(
                 UNPACKING_ARGUMENTS, frame_width=layout.frame_width, frame_height=rows,
-                width=width, height=height,
+                halved=layout.format.subsampling > 1, is_rgb=layout.format.rgb,
+                by_views=by_views, width=width, height=height,
             ),
         )  # fmt: skip
         self.receiver.add_fixed(self._views, samples, region)

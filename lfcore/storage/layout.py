@@ -235,8 +235,6 @@ class FrameLayout:
         form = self.format
         return {
             "BITS": form.bits,
-            "CHROMA": form.subsampling,
-            "RGB": int(form.rgb),
             "PQ": int(self.peak is not None),
         }
 

@@ -105,7 +105,8 @@ class DeviceScene:
             SCENE_ARGUMENTS, starts=tuple(self._joined.starts.values()),
             ambient=scene.ambient, background=scene.background,
             unshadowed_lights=len(s.lights) - s.shadow_lights, shadow_lights=s.shadow_lights,
-            sky_side=len(scene.sky), clear_low=s.clear_box[0], clear_high=s.clear_box[1],
+            curved=needs.curved and needs.smooth_normals, sky_side=len(scene.sky),
+            clear_low=s.clear_box[0], clear_high=s.clear_box[1],
         )  # fmt: skip
         self.arguments: dict[str, Any] = {"scene": self._joined.buffer, "scene_numbers": numbers}
         self.kernels: dict[tuple, Any] = {}

@@ -57,7 +57,7 @@ def _macros(sink: str, scene: Mapping[str, int], *, has_alpha: bool = False) -> 
     if sink in ("HITS", "GIVEN"):  # without surfaces, but with alpha tests
         changes = dict.fromkeys(scene, 0) | {"TEXTURES": scene["TEXTURES"] & ALPHA_TESTS}
     elif sink in ("SURFACE", "GIVEN_SURFACE"):  # without lights
-        changes = {"SHADOWS": 0, "CURVED": 0, "BAKED": 0, "CLEAR": 0}
+        changes = {"SHADOWS": 0, "BAKED": 0, "CLEAR": 0}
     elif sink == "PATHS":
         always = PHYSICAL | ALPHA_TESTS * has_alpha
         changes = {"TEXTURES": scene["TEXTURES"] | always}

@@ -93,6 +93,7 @@ SCENE_ARGUMENTS = np.dtype([
     ("background", FLOAT, 3),
     ("unshadowed_lights", INT),  # these come first
     ("shadow_lights", INT),
+    ("curved", INT),  # whether shadow rays start beside some hit points
     ("sky_side", INT),  # texels of the sky
     ("clear_low", FLOAT, 3),  # the box around triangles that light passes
     ("clear_high", FLOAT, 3),

@@ -113,7 +113,6 @@ def macros_of(needs: Needs) -> dict[str, int]:
         "VERTEX_COLOURS": int(needs.vertex_colours),
         "SHADOWS": int(needs.shadows),
         "CLEAR": int(needs.clear),
-        "CURVED": int(needs.curved and needs.smooth_normals),
         "BAKED": int(needs.baked),
         "SKY": int(needs.sky),
     }

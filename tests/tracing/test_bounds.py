@@ -19,7 +19,7 @@ from lfcore.tracing.tracer import Tracer
 pytestmark = pytest.mark.kernels
 
 KERNELS = Path(__file__).with_name("bounds.cl")
-DEFINES = dict.fromkeys("TEXTURES SINGLE_RAYS SMOOTH VERTEX_COLOURS CURVED BAKED CLEAR".split(), 0)
+DEFINES = dict.fromkeys("TEXTURES SINGLE_RAYS SMOOTH VERTEX_COLOURS BAKED CLEAR".split(), 0)
 CANDIDATE, ROUNDS, KEPT, CHILDREN = 16, 40, 300, 30
 SEARCHES = 4
 """The most searches for an error beyond half of a bound: some end where none is."""

@@ -52,7 +52,7 @@ FILLED = {
 """Neutral data of features, by their field of Needs; others have none."""
 DEFINES = {
     "smooth_normals": "SMOOTH", "alpha_tests": "TEXTURES", "physical": "TEXTURES", "stops": None,
-    "specular": None,
+    "curved": None, "specular": None,
 }  # fmt: skip
 """The kernels' macros of features that are not named as their field."""
 FIELDS = [field.name for field in dataclasses.fields(Needs)]

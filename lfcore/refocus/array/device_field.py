@@ -55,6 +55,7 @@ SURFACE = np.dtype([
     ("radius", FLOAT),
 ])  # fmt: skip
 SAMPLING = np.dtype([
+    ("sampler", INT),  # QUADRATURE, HALTON, STRATIFIED or INDEPENDENT
     ("count", INT),  # samples per pixel
     ("columns", INT),  # strata
     ("rows", INT),

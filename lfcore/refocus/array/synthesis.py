@@ -90,11 +90,11 @@ def thin_lens(
     """Run the thin lens kernel with any sampler of :mod:`lfcore.refocus.array.sampling`."""
     columns, rows = sampling.strata(count)
     samples = record(
-        SAMPLING, count=count, columns=columns, rows=rows, seed=np.uint32(seed),
+        SAMPLING, sampler=sampler, count=count, columns=columns, rows=rows, seed=np.uint32(seed),
         film_bits=max(1, (count - 1).bit_length()),
     )  # fmt: skip
     return field.run_rows(
-        field.kernel("thin_lens", SAMPLER=sampler), camera, sampling=samples,
+        field.kernel("thin_lens"), camera, sampling=samples,
         table=None if table is None else field.device.buffer(table),
         **field.arguments(camera, surface),
     )  # fmt: skip

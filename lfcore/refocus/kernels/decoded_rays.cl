@@ -1,5 +1,4 @@
-// Rays of a macropixel from decoded frames.  BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4)
-// or 2 (4:2:0).
+// Rays of a macropixel from decoded frames.
 #pragma once
 #include "light.cl"
 
@@ -10,15 +9,17 @@ typedef struct {
     global const sample *first, *second, *third;  // planes of the frame
     int width;                                    // of a row of `first`
     int x0, y0;                                   // corner of the macropixel
+    int halved;                                   // 1 for chroma of half the width and height
+    int is_rgb;
 } Macropixel;
 
 inline Macropixel macropixel_at(global const sample *frames, const SensorPlaneArguments *n,
                                 int element, Placement placed)
 {
-    const ulong pixels = (ulong)n->rays_width * n->rays_height, small = pixels / (CHROMA * CHROMA);
+    const ulong pixels = (ulong)n->rays_width * n->rays_height, small = pixels >> 2 * n->halved;
     global const sample *frame = frames + placed.frame * (pixels + 2 * small);
     return (Macropixel){frame, frame + pixels, frame + pixels + small, n->rays_width,
-                        placed.x, placed.y};
+                        placed.x, placed.y, n->halved, n->is_rgb};
 }
 
 #if LANES == 1
@@ -43,18 +44,16 @@ inline samples load_samples(global const sample *at, int twice)
 #if LANES == 1
     return *at;
 #else
-#if CHROMA == 2
     if (twice) return vload8(0, at).s0011223344556677;
-#endif
     return vload16(0, at);
 #endif
 }
 
 // At the end of a macropixel's row, the last sample is repeated.
-inline samples load_tail(global const sample *at, int step, int count)
+inline samples load_tail(global const sample *at, int twice, int count)
 {
     private sample row[LANES];
-    for (int k = 0; k < LANES; ++k) row[k] = at[min(k, count - 1) / step];
+    for (int k = 0; k < LANES; ++k) row[k] = at[min(k, count - 1) >> twice];
     return VLOAD(row);
 }
 
@@ -64,22 +63,23 @@ inline samples load_tail(global const sample *at, int step, int count)
 inline void next_row(const Macropixel *m, int x, int y, int count, int begins, Row *row)
 {
     const ulong full = (ulong)(m->y0 + y) * m->width + m->x0 + x;
-    const ulong line = (m->y0 + y) / CHROMA;
-    const ulong small = line * (m->width / CHROMA) + (m->x0 + x) / CHROMA;
+    const int halved = m->halved;
+    const ulong line = (m->y0 + y) >> halved;
+    const ulong small = line * (m->width >> halved) + ((m->x0 + x) >> halved);
     samples first, second, third;
     if (count >= LANES) {
         first = load_samples(m->first + full, 0);
-        second = load_samples(m->second + small, 1);
-        third = load_samples(m->third + small, 1);
+        second = load_samples(m->second + small, halved);
+        third = load_samples(m->third + small, halved);
     } else {
-        first = load_tail(m->first + full, 1, count);
-        second = load_tail(m->second + small, CHROMA, count);
-        third = load_tail(m->third + small, CHROMA, count);
+        first = load_tail(m->first + full, 0, count);
+        second = load_tail(m->second + small, halved, count);
+        third = load_tail(m->third + small, halved, count);
     }
     const samples changed =
         (first ^ row->first) | (second ^ row->second) | (third ^ row->third);
     if (!begins && !DIFFERS(changed)) return;
     row->first = first, row->second = second, row->third = third;
-    TO_RGB(vf, TO_LIGHT(first), TO_LIGHT(second), TO_LIGHT(third), red, green, blue);
+    TO_RGB(vf, m->is_rgb, TO_LIGHT(first), TO_LIGHT(second), TO_LIGHT(third), red, green, blue);
     row->r = linear_row(red), row->g = linear_row(green), row->b = linear_row(blue);
 }

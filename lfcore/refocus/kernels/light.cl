@@ -1,5 +1,5 @@
-// Linear light of video frames: BITS is 8, or 10 or 12 (in 16-bit samples), RGB 1 for planar
-// green, blue, red, else BT.709 YCbCr of limited range; PQ 1 for PQ, else sRGB.
+// Linear light of video frames, planar green, blue, red or BT.709 YCbCr of limited range: BITS is 8,
+// or 10 or 12 (in 16-bit samples), PQ 1 for PQ, else sRGB.
 #pragma once
 #include "pq.cl"
 #include "samples.cl"
@@ -43,15 +43,15 @@ inline void linear_ray(float r, float g, float b, uint light[3])
 }
 
 // Red, green and blue of the three samples of a ray (T is vf or float), encoded, not clamped.
-#if RGB
-#define TO_RGB(T, first, second, third, r, g, b) \
-    const T r = (third) * (1.0f / 255.0f), g = (first) * (1.0f / 255.0f); \
-    const T b = (second) * (1.0f / 255.0f)
-#else
-#define TO_RGB(T, first, second, third, r, g, b)                                                \
-    const T luma = fma((first), (T)(1.0f / 219.0f), (T)(-16.0f / 219.0f));                      \
-    const T cb = (second) - 128.0f, cr = (third) - 128.0f;                                      \
-    const T r = fma(cr, (T)(1.5748f / 224.0f), luma), b = fma(cb, (T)(1.8556f / 224.0f), luma); \
-    const T g = fma(cr, (T)(-0.2126f * 1.5748f / 0.7152f / 224.0f),                             \
-                    fma(cb, (T)(-0.0722f * 1.8556f / 0.7152f / 224.0f), luma))
-#endif
+#define TO_RGB(T, is_rgb, first, second, third, r, g, b)                                       \
+    T r, g, b;                                                                                 \
+    if (is_rgb) {                                                                              \
+        r = (third) * (1.0f / 255.0f), g = (first) * (1.0f / 255.0f);                          \
+        b = (second) * (1.0f / 255.0f);                                                        \
+    } else {                                                                                   \
+        const T luma = fma((first), (T)(1.0f / 219.0f), (T)(-16.0f / 219.0f));                 \
+        const T cb = (second) - 128.0f, cr = (third) - 128.0f;                                 \
+        r = fma(cr, (T)(1.5748f / 224.0f), luma), b = fma(cb, (T)(1.8556f / 224.0f), luma);    \
+        g = fma(cr, (T)(-0.2126f * 1.5748f / 0.7152f / 224.0f),                                \
+                fma(cb, (T)(-0.0722f * 1.8556f / 0.7152f / 224.0f), luma));                    \
+    }

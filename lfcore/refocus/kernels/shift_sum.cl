@@ -2,8 +2,8 @@
 // of the picture reads rows of views, LANES pixels at a time, for one plane after another, so rows
 // stay in the cache; sums are integers, independent of the order of views.
 //
-// MAGNIFIED: source pixels come from tables instead of one shift per view.  BILINEAR: four taps,
-// not one.  SUM is the type of the accumulators.
+// MAGNIFIED: source pixels come from tables instead of one shift per view.  SUM is the type of the
+// accumulators.
 #include "lanes.cl"
 
 // LANES pixels of a row from x on; zero outside the view.
@@ -42,7 +42,7 @@ typedef struct {
 #else
     int at;
 #endif
-    int line, width, height;
+    int line, width, height, is_bilinear;
     vf right;
     float down;
 } Source;
@@ -63,7 +63,7 @@ inline vu pixels_at(global const uint *view, const Source *s, int step, int belo
 inline vu sample(global const uint *view, const Source *s)
 {
     const vu here = pixels_at(view, s, 0, 0);
-    if (!BILINEAR) return here;
+    if (!s->is_bilinear) return here;
     return mix_pixels(here, pixels_at(view, s, 1, 0), pixels_at(view, s, 0, 1),
                       pixels_at(view, s, 1, 1), s->right, s->down);
 }
@@ -90,7 +90,7 @@ KERNEL void add_views(add_views_PARAMETERS)
         vu red = (vu)(0), green = (vu)(0), blue = (vu)(0);
         for (int entry = lists[plane].first; entry < lists[plane].end; ++entry) {
             const ShiftedView e = entries[entry];
-            Source from = {.width = width, .height = height};
+            Source from = {.width = width, .height = height, .is_bilinear = n.is_bilinear};
 #if MAGNIFIED
             const int across = (plane * n.lens + e.x) * size;
             const int row = (plane * n.lens + e.y) * size + y;

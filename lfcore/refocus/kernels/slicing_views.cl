@@ -1,5 +1,5 @@
 // Algorithms 1 and 4: sensor planes from views, traced or decoded.  TRACED is 1 for traced light,
-// 0 for frames, whose BITS and RGB are as in light.cl, and CHROMA is 1 (4:4:4) or 2 (4:2:0).
+// 0 for frames.
 #if TRACED
 #include "fixed_point.cl"
 #include "blocks.cl"
@@ -8,19 +8,20 @@
 typedef float stored;
 
 // Columns and rows of linear light (height, width, 3) from `at` on as a block (3, BLOCK_RAYS).
-inline void load_block(global const float *light, int2 size, int2 at, int columns, int rows,
-                       global float *colours)
+inline void load_block(const SensorPlaneArguments *n, global const float *light, int2 at,
+                       int columns, int rows, global float *colours)
 {
-    global const float *from = light + 3 * ((ulong)at.y * size.x + at.x);
-    for (int y = 0; y < min(rows, BLOCK); ++y, from += 3 * size.x, colours += BLOCK)
+    const int width = n->rays_width;
+    global const float *from = light + 3 * ((ulong)at.y * width + at.x);
+    for (int y = 0; y < min(rows, BLOCK); ++y, from += 3 * width, colours += BLOCK)
         for (int k = 0; k < 3 * min(columns, BLOCK); ++k)
             colours[k % 3 * BLOCK_RAYS + k / 3] = clamp(from[k], 0.0f, BRIGHTEST);
 }
 
-inline global const float *element_at(global const float *light, int2 size, int element,
-                                      Placement placed)
+inline global const float *element_at(const SensorPlaneArguments *n, global const float *light,
+                                      int element, Placement placed)
 {
-    return light + (ulong)element * 3 * size.x * size.y;
+    return light + (ulong)element * 3 * n->rays_width * n->rays_height;
 }
 inline int2 corner_of(Placement placed) { return 0; }
 #else
@@ -30,30 +31,30 @@ inline int2 corner_of(Placement placed) { return 0; }
 #define FEW_BITS 0
 typedef sample stored;
 
-// The samples of LANES pixels of a line from `first` on, `step` pixels a sample; those beyond
+// The samples of LANES pixels of a line from `first` on, each of two pixels if `halved`; those beyond
 // `count` repeat the last.
-inline vf load_row(global const sample *line, int first, int step, int count)
+inline vf load_row(global const sample *line, int first, int halved, int count)
 {
     private float row[LANES];
-    for (int k = 0; k < LANES; ++k) row[k] = (float)line[(first + min(k, count - 1)) / step] * SCALE;
+    for (int k = 0; k < LANES; ++k) row[k] = (float)line[(first + min(k, count - 1)) >> halved] * SCALE;
     return VLOAD(row);
 }
 
 // Decode a block to linear colours (3, BLOCK_RAYS); rays beyond columns and rows repeat the last.
-inline void load_block(global const sample *frame, int2 size, int2 at, int columns, int rows,
-                       global float *colours)
+inline void load_block(const SensorPlaneArguments *n, global const sample *frame, int2 at,
+                       int columns, int rows, global float *colours)
 {
-    const int width = size.x, x0 = at.x, y0 = at.y;
-    const ulong pixels = (ulong)width * size.y, chroma = pixels / (CHROMA * CHROMA);
+    const int width = n->rays_width, halved = n->halved, x0 = at.x, y0 = at.y;
+    const ulong pixels = (ulong)width * n->rays_height, chroma = pixels >> 2 * halved;
     for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
         const int x = min(ray % BLOCK, columns - 1), y = min(ray / BLOCK, rows - 1);
         const int count = max(1, columns - x);
-        const vf first = load_row(frame + (ulong)(y0 + y) * width, x0 + x, 1, count);
-        const ulong line = (y0 + y) / CHROMA;
-        global const sample *small = frame + pixels + line * (width / CHROMA);
-        const vf second = load_row(small, x0 + x, CHROMA, count);
-        const vf third = load_row(small + chroma, x0 + x, CHROMA, count);
-        TO_RGB(vf, first, second, third, r, g, b);
+        const vf first = load_row(frame + (ulong)(y0 + y) * width, x0 + x, 0, count);
+        const ulong line = (y0 + y) >> halved;
+        global const sample *small = frame + pixels + line * (width >> halved);
+        const vf second = load_row(small, x0 + x, halved, count);
+        const vf third = load_row(small + chroma, x0 + x, halved, count);
+        TO_RGB(vf, n->is_rgb, first, second, third, r, g, b);
         // Multiples of the fixed-point unit; division by a power of two is exact.
         VSTORE(TO_VF(linear_row(r)) / ONE, colours + ray);
         VSTORE(TO_VF(linear_row(g)) / ONE, colours + BLOCK_RAYS + ray);
@@ -61,11 +62,11 @@ inline void load_block(global const sample *frame, int2 size, int2 at, int colum
     }
 }
 
-inline global const sample *element_at(global const sample *frames, int2 size, int element,
-                                       Placement placed)
+inline global const sample *element_at(const SensorPlaneArguments *n, global const sample *frames,
+                                       int element, Placement placed)
 {
-    const ulong chroma = (ulong)(size.x / CHROMA) * (size.y / CHROMA);
-    return frames + placed.frame * ((ulong)size.x * size.y + 2 * chroma);
+    const ulong pixels = (ulong)n->rays_width * n->rays_height;
+    return frames + placed.frame * (pixels + 2 * (pixels >> 2 * n->halved));
 }
 inline int2 corner_of(Placement placed) { return (int2)(placed.x, placed.y); }
 #endif
@@ -114,15 +115,14 @@ KERNEL void form_view_planes(form_view_planes_PARAMETERS)
     const SensorPlanes to = {&numbers, planes, targets, masks, sums + own};
     const ulong words = get_global_id(0) * (ulong)numbers.scratch_words;
     global float *colours = (global float *)(scratch + words);
-    const int2 size = (int2)(numbers.rays_width, numbers.rays_height);
     const int columns = numbers.columns, rows = numbers.rows, elements = numbers.elements;
     for (int element = atomic_inc(next); element < elements; element = atomic_inc(next)) {
         const Placement placed = placements[element];
         const int2 sample = (int2)(placed.column, placed.row), corner = corner_of(placed);
-        global const stored *view = element_at(rays, size, element, placed);
+        global const stored *view = element_at(&numbers, rays, element, placed);
         for (int y = 0; y < rows; y += BLOCK)
             for (int x = 0; x < columns; x += BLOCK) {
-                load_block(view, size, corner + (int2)(x, y), columns - x, rows - y, colours);
+                load_block(&numbers, view, corner + (int2)(x, y), columns - x, rows - y, colours);
                 add_view(&to, sample, (int2)(x, y), colours);
             }
     }

@@ -1,6 +1,6 @@
 // Average over film and lens samples of a thin lens; one work-item per pixel.
 //
-// SAMPLER is QUADRATURE (a fixed table), HALTON (a table with a random shift per pixel), STRATIFIED
+// A sampler is QUADRATURE (a fixed table), HALTON (a table with a random shift per pixel), STRATIFIED
 // or INDEPENDENT, as in lfcore/refocus/array/sampling.py.
 
 #include "lookup.cl"
@@ -61,6 +61,27 @@ inline uint permute(uint index, uint count, int bits, uint key)
     return x;
 }
 
+// Sample k of a pixel; `shift_by` of HALTON, `key` of STRATIFIED.
+inline float4 sample_of(const Sampling *s, global const float4 *table, uint pixel, int k,
+                        float4 shift_by, uint key)
+{
+    if (s->sampler == QUADRATURE) return table[k];
+    if (s->sampler == HALTON) {
+        const float4 moved = table[k] + shift_by;
+        return moved - floor(moved);
+    }
+    float4 sample = uniform4(pixel, (uint)k, s->seed);
+    if (s->sampler == STRATIFIED) {
+        const int across = s->columns, down = s->rows;
+        const int film = (int)permute((uint)k, (uint)s->count, s->film_bits, key);
+        sample.x = (film % across + sample.x) / across;
+        sample.y = (film / across + sample.y) / down;
+        sample.z = (k % across + sample.z) / across;
+        sample.w = (k / across + sample.w) / down;
+    }
+    return sample;
+}
+
 kernel void thin_lens(thin_lens_PARAMETERS)
 {
     const int count = sampling.count;
@@ -70,30 +91,12 @@ kernel void thin_lens(thin_lens_PARAMETERS)
         return;
     }
     const uint pixel = (uint)v * (uint)view.width + (uint)u;
-#if SAMPLER == HALTON
     const float4 shift_by = uniform4(pixel, 0, sampling.seed);
-#elif SAMPLER == STRATIFIED
     const uint key = (uint)(uniform(pixel, 0, 4, sampling.seed) * 16777216.0f);
-#endif
     const float3 centre = view_position(&view);
     Sum total = sum_zero();
     for (int k = 0; k < count; ++k) {
-#if SAMPLER == QUADRATURE
-        const float4 sample = table[k];
-#elif SAMPLER == HALTON
-        const float4 moved = table[k] + shift_by;
-        const float4 sample = moved - floor(moved);
-#else
-        float4 sample = uniform4(pixel, (uint)k, sampling.seed);
-#if SAMPLER == STRATIFIED
-        const int across = sampling.columns, down = sampling.rows;
-        const int film = (int)permute((uint)k, (uint)count, sampling.film_bits, key);
-        sample.x = (film % across + sample.x) / across;
-        sample.y = (film / across + sample.y) / down;
-        sample.z = (k % across + sample.z) / across;
-        sample.w = (k / across + sample.w) / down;
-#endif
-#endif
+        const float4 sample = sample_of(&sampling, table, pixel, k, shift_by, key);
         const float fu = u + sample.x, fv = v + sample.y;
         const float3 direction = view_direction(&view, fu, fv);
         const float q =

@@ -65,14 +65,15 @@ inline void light_rays(const Shadows *s, global const Hits *hits, const Bundle *
 typedef struct {
     int active[2 * BLOCK_RAYS];
     float projected[6 * BLOCK_RAYS];
-    float origins[CURVED ? 3 * BLOCK_RAYS : 1];
+    float origins[SMOOTH ? 3 * BLOCK_RAYS : 1];
 } ShadowMemory;
 
 // Find which rays see each light: single rays need no `bundle`.
 inline void find_lit(Shadows *s, global const Hits *hits, const Bundle *bundle,
                      global float *origins, global int *lit)
 {
-    const int curved = CURVED && offset_origins(s->scene, hits, origins);
+    const int curved =
+        SMOOTH && s->scene->numbers->curved && offset_origins(s->scene, hits, origins);
     s->origins = curved ? origins : hits->point;
     const int lights = s->scene->numbers->shadow_lights;
     for (int k = 0; k < lights; ++k) {
