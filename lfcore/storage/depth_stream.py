@@ -18,7 +18,7 @@ from lfcore.errors import StorageError, check_known
 from lfcore.optics.ray_cells import ViewSet, views_of
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import LOSSLESS, Encoding
-from lfcore.storage.defaults import KEY_EVERY, NO_LOOKAHEAD, WIDE
+from lfcore.storage.defaults import HUGE, KEY_EVERY, NO_LOOKAHEAD, WHOLE_PIXELS, WIDE
 from lfcore.storage.pixels import GREY_FORMATS, PixelFormat
 
 SWEEP_PX = 0.25
@@ -111,7 +111,10 @@ class DepthCodes:
         own: dict[str, Any] = {"bframes": 8}
         if slab.size.width > WIDE:
             crf += WIDE_DEPTH_CRF
-            own = {"bframes": 0, "refs": 1, "extra": (*NO_LOOKAHEAD, ("trellis", "0"))}
+            motion = WHOLE_PIXELS if slab.size.width > HUGE else ()
+            own = {
+                "bframes": 0, "refs": 1, "extra": (*NO_LOOKAHEAD, ("trellis", "0"), *motion),
+            }  # fmt: skip
         return Encoding(
             pixel_format=self.pixel_format, crf=round(crf, 1), preset="medium", gop=KEY_EVERY, **own
         )

@@ -266,6 +266,15 @@ def test_files_of_earlier_programs_open(name, version, size, mean):
     assert abs(display_values(field.refocus()).mean() - mean) < 0.3
 
 
+def test_very_wide_frames_are_predicted_by_whole_pixels():
+    """Else the encoder holds each frame four times: 5 GB at 8192 x 8192."""
+    parameters = [
+        chosen_encoding(4, by_depth=True, width=width).options(width)["x264-params"]
+        for width in (4096, 8192)
+    ]
+    assert ["subme=0" in each.split(":") for each in parameters] == [False, True]
+
+
 @pytest.mark.parametrize("views, pixels", [(8, 64), (128, 4)])
 def test_a_smooth_light_field_keeps_its_colours(tmp_path, make_store, views, pixels):
     spec = chosen_encoding(views)
