@@ -103,61 +103,36 @@ def viewer_page(
     *,
     film: bool = True,
 ) -> ViewerPage:
-    """As :meth:`lfcore.LightField.viewer`."""
+    """As :meth:`lfcore.LightField.viewer`; without ``film`` the page shows one instant."""
     device = device if isinstance(device, Device) else open_device(device)
     instants = [field.at(k) for k in range(len(field.times))] if film else [field]
     field, slab = instants[0], field.require_slab()
     choice = choose(field, grid, pixels, len(instants))
-    played = None
     if field.metadata.depth:
         status = STORED + (MIRRORS if field.specular else "")
-        maps = [_disparities(each, slab) for each in instants]
-        ends = np.array(
-            [_range(each, slab, seen) for each, seen in zip(instants, maps, strict=True)]
+        shown, (low, high) = _shown_by_depth(
+            instants, choice, format or "webp", jpeg_quality, device, progress
         )
-        low, high = ends[:, 0].min(), ends[:, 1].max()
-        shown = []
-        for number, (each, seen) in enumerate(zip(instants, maps, strict=True)):
-            parts = read_by_depth(
-                each, choice, device=device, progress=part_of(progress, number, len(instants))
-            )
-            coded = [
-                _by_depth(each, slab, choice, *part, format or "webp", jpeg_quality)
-                for part in parts
-            ]
-            atlas = coded[0][1]
-            depth, specular = (part and part[0] for part in [*coded, None][:2])
-            seen, beside = (None if one is None else _map(one, ends[number]) for one in seen)
-            shown.append({"depth": depth, "specular": specular, "map": seen, "beside": beside})
-        views = shown[0] | {
-            "atlas": {"pages": [], "across": atlas.across, "down": atlas.down}
-        }  # fmt: skip
-        if len(instants) > 1:
-            fps = (len(instants) - 1) / (field.times[-1] - field.times[0])
-            played = {"fps": fps, "instants": shown[1:]}
     else:
-        pictures = read(field, choice, device=device, progress=progress)
-        places = np.stack(np.meshgrid(*_places(slab, choice)), -1).reshape(-1, 2)
-        low, high = _range(field, slab)
-        disparities = estimate(pictures, places, low * choice.scale, high * choice.scale)
-        disparities = None if disparities is None else disparities / choice.scale
-        status = NO_MAP if disparities is None else ESTIMATED
-        atlas = encode(pictures, format or "jpeg", jpeg_quality or 90)
-        seen = None if disparities is None else _map(disparities, (low, high))
-        views = {
-            "depth": None, "specular": None, "atlas": _coded(atlas), "map": seen, "beside": None,
-        }  # fmt: skip
+        views, (low, high) = _shown_views(
+            field, choice, format or "jpeg", jpeg_quality or 90, device, progress
+        )
+        shown, status = [views], ESTIMATED if views["map"] else NO_MAP
+    played = None
+    if len(shown) > 1:
+        fps = (len(shown) - 1) / (field.times[-1] - field.times[0])
+        played = {"fps": fps, "instants": shown[1:]}
     # The recorded focus, 0, is always in the range.
     low, high = min(low, 0.0), max(high, 0.0)
     margin = MARGIN * (high - low) or 1e-3
-    data = _describe(field, slab, choice) | views | {
+    data = _describe(field, slab, choice) | shown[0] | {
         "range": [low - margin, high + margin],
         "film": played,
     }  # fmt: skip
     # The program without comments and indentation.
     scripts = "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS)
     program = '"use strict";\n' + COMMENT.sub("", scripts)
-    parts = {
+    texts = {
         "title": html.escape(printable(data["name"])),
         "style": (HERE / "viewer.css").read_text(encoding="utf-8"),
         "status": status,
@@ -167,8 +142,59 @@ def viewer_page(
     }
     template = (HERE / "page.html").read_text(encoding="utf-8")
     pieces = template.split("@")  # text and names by turns: the page itself has no other "@"
-    pieces[1::2] = [parts[name] for name in pieces[1::2]]
+    pieces[1::2] = [texts[name] for name in pieces[1::2]]
     return ViewerPage("".join(pieces))
+
+
+def _shown_by_depth(
+    instants: list[LightFieldFile],
+    choice: Choice,
+    format: str,
+    jpeg_quality: int | None,
+    device: Device,
+    progress: Progress | None,
+) -> tuple[list[dict[str, Any]], tuple[float, float]]:
+    """The page's data of each instant of a file with depth, and the ends of its disparities."""
+    slab = instants[0].require_slab()
+    maps = [_disparities(each, slab) for each in instants]
+    ends = [_range(each, slab, seen) for each, seen in zip(instants, maps, strict=True)]
+    shown: list[dict[str, Any]] = []
+    for number, (each, (seen, beside)) in enumerate(zip(instants, maps, strict=True)):
+        tell = part_of(progress, number, len(instants))
+        coded = [
+            _by_depth(each, slab, choice, *part, format, jpeg_quality)
+            for part in read_by_depth(each, choice, device=device, progress=tell)
+        ]
+        data, atlas = coded[0]
+        shown.append({
+            "depth": data,
+            "specular": coded[1][0] if coded[1:] else None,
+            "map": _map(seen, ends[number]),
+            "beside": None if beside is None else _map(beside, ends[number]),
+        })  # fmt: skip
+        if not number:
+            shown[0]["atlas"] = {"pages": [], "across": atlas.across, "down": atlas.down}
+    return shown, (min(low for low, _ in ends), max(high for _, high in ends))
+
+
+def _shown_views(
+    field: LightFieldFile,
+    choice: Choice,
+    format: str,
+    jpeg_quality: int,
+    device: Device,
+    progress: Progress | None,
+) -> tuple[dict[str, Any], tuple[float, float]]:
+    """The page's data of a file without depth, and the ends of its disparities."""
+    slab = field.require_slab()
+    pictures = read(field, choice, device=device, progress=progress)
+    places = np.stack(np.meshgrid(*_places(slab, choice)), -1).reshape(-1, 2)
+    low, high = _range(field, slab)
+    estimated = estimate(pictures, places, low * choice.scale, high * choice.scale)
+    seen = None if estimated is None else _map(estimated / choice.scale, (low, high))
+    atlas = _coded(encode(pictures, format, jpeg_quality))
+    views = {"depth": None, "specular": None, "atlas": atlas, "map": seen, "beside": None}
+    return views, (low, high)
 
 
 def _places(slab: Slab, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
@@ -319,7 +345,8 @@ def _range(
         near, far = field.seen_range
         low, high = (1 / far - delta) / step, (1 / near - delta) / step
         if seen and seen[1] is not None:
-            images = np.stack(seen)[:, seen[0] != seen[1]]
+            surfaces, others = seen[0], seen[1]
+            images = np.stack([surfaces, others])[:, surfaces != others]
             if images.size:
                 ends = np.quantile(images, IMAGES)
                 low, high = min(low, ends[0]), max(high, ends[1])

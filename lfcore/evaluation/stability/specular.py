@@ -7,6 +7,7 @@ largest of all rays.
 import math
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +21,7 @@ from lfcore.scene.model import Scene
 
 WHITE = (1.0, 1.0, 1.0)
 GLOW = Material("glow", (0.0, 0.0, 0.0), emission=(0.5, 0.5, 0.5))
-MIRROR = {"metallic": 1.0, "roughness": 0.0}
+MIRROR: dict[str, Any] = {"metallic": 1.0, "roughness": 0.0}
 IOR = 1.5
 MOST_EVENTS = 8
 """The reflections and transmissions of a path that the tracer follows."""
@@ -29,7 +30,8 @@ LIGHT = Bound(
     "reflections between two faces of glass, .04 squared, of which not all are followed",
 )  # fmt: skip
 EXACT = Bound(1e-5, "share", "16 roundings of each of 8 surfaces, 2^-24 each")
-Part = tuple[ArrayLike, Material]
+Part = tuple[np.ndarray, Material]
+"""Triangles (T, 3, 3) of a material."""
 
 
 @sweep("25", "degrees from grazing", (30.0, 10.0, 1.0, 0.1, 0.01))
@@ -161,7 +163,12 @@ def _through(
 
 
 def _light(
-    case: str, bound: Bound, tracer: TracerUnderTest, scene: Scene, rays: Rays, right: ArrayLike
+    case: str,
+    bound: Bound,
+    tracer: TracerUnderTest,
+    scene: Scene,
+    rays: Rays,
+    right: float | np.ndarray,
 ) -> Measurement:
     def error(light: np.ndarray) -> float:
         return float(np.abs(light / GLOW.emission[0] - right).max())

@@ -257,8 +257,8 @@ class MaterialTable:
         if eta is None or k is None:
             return np.array(METALS["Cu"])  # pbrt's default
         folder = self.textures.folder
-        reflectance = metal_reflectance(parameter_rgb(eta, folder), parameter_rgb(k, folder))
-        return np.clip(reflectance, 0, 1)
+        indices = parameter_rgb(eta, folder), parameter_rgb(k, folder)
+        return np.clip(metal_reflectance(*indices), 0, 1)
 
     def _mirror(self, parameters: ParameterSet) -> Look:
         return Look(constant(self._weights(parameters, "Kr", 0.9)), fields=MIRROR)

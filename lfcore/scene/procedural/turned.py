@@ -121,7 +121,7 @@ def ring(radius: float, number: int) -> np.ndarray:
     return xyz(np.cos(angle), np.sin(angle), 0.0) * radius
 
 
-def curve(points: Sequence[ArrayLike], number: int) -> np.ndarray:
+def curve(points: Sequence[ArrayLike] | np.ndarray, number: int) -> np.ndarray:
     """(number, 3) points on a Catmull-Rom spline through ``points``, ends included."""
     p = np.asarray(points, np.float64)
     padded = np.concatenate([2 * p[:1] - p[1:2], p, 2 * p[-1:] - p[-2:-1]])
