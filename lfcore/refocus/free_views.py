@@ -22,7 +22,7 @@ from lfcore.optics.size import Pixels
 from lfcore.refocus.depth_slicing import DepthSlicer, HeldRays, held_rays
 from lfcore.refocus.placed_views import PlacedViews
 from lfcore.refocus.stored_depth import picture_side, read_depths, read_parts
-from lfcore.refocus.two_parts import BLACK, Part, placed_parts, virtual_depth
+from lfcore.refocus.two_parts import Part, placed_parts, virtual_depth
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -110,7 +110,9 @@ class FreeViews:
     def _rays(self) -> list[HeldRays]:
         """The rays on the device; of two parts also the specular ones, at surfaces' depth and at
         virtual depth."""
-        (own, depth), *rest = placed_parts(self._parts, BLACK)
+        (own, depth), *rest = placed_parts(
+            [(own.copy(), depth.copy()) for own, depth in self._parts]
+        )
         rays = [(own, depth)]
         for light, virtual in rest:
             rays += [(light, np.where(virtual > 0, depth, np.float32(0))), (light, virtual)]

@@ -12,7 +12,7 @@ from lfcore.optics.slab import all_samples
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
 from lfcore.refocus.stored_views import add_frames, frame_planes, read_own_views
-from lfcore.refocus.two_parts import BLACK, Part, TwoPartSlicer
+from lfcore.refocus.two_parts import Part, TwoPartSlicer
 from lfcore.storage.lightfield import LightFieldFile
 
 VIEWS_RAYS = 1 << 20
@@ -72,7 +72,7 @@ def _slice(
         return slicer.pictures()
     parts = read_parts(field, device=device, progress=progress)
     in_parts = TwoPartSlicer(views, planes, side, device, stops=layout.stops)
-    in_parts.add(slice(0, len(parts[0][0])), parts, black=BLACK)
+    in_parts.add(slice(0, len(parts[0][0])), parts)
     return in_parts.pictures()
 
 

@@ -19,32 +19,31 @@ import numpy as np
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import ViewSet
 from lfcore.refocus.depth_slicing import DepthSlicer
+from lfcore.tracing.specular import BLACK
 
 Part = tuple[np.ndarray, np.ndarray]
 """Light (K, rows, columns, 3) and depth (K, rows, columns), metres, float32."""
 
 
-BLACK = 1e-3
-"""The most own light, a share of white, that counts as none in a file: codecs add as much."""
+def placed_parts(parts: Sequence[Part]) -> Sequence[Part]:
+    """Let specular light take the place of own light where this is at most :data:`BLACK`.
 
-
-def placed_parts(parts: Sequence[Part], black: float = 0.0) -> Sequence[Part]:
-    """Let specular light take the place of own light where this is at most ``black``.
-
-    The second of two parts has depth 0 for rays without specular light.
+    The second of two parts has depth 0 for rays without specular light.  Arrays that are contiguous
+    change.
     """
     if len(parts) == 1:
         return parts
-    (own, depth), (light, virtual) = parts
+    (own, depth), (light, virtual) = ([np.ascontiguousarray(each) for each in p] for p in parts)
+    colours, shown = own.reshape(-1, 3), light.reshape(-1, 3)
     there = np.flatnonzero(virtual)
-    bare = there[own.reshape(-1, 3)[there].max(axis=1, initial=0) <= black]
-    if len(bare):
-        own, depth, light, virtual = (each.copy() for each in (own, depth, light, virtual))
-        own.reshape(-1, 3)[bare] = light.reshape(-1, 3)[bare]
-        depth.reshape(-1)[bare] = virtual.reshape(-1)[bare]
-        light.reshape(-1, 3)[bare] = 0
-        virtual.reshape(-1)[bare] = 0
-    return [(own, depth), (light, virtual)] if len(bare) < len(there) else [(own, depth)]
+    bare = there[np.maximum.reduce([colours[there, k] for k in range(3)]) <= BLACK]
+    colours[bare] += shown[bare]
+    depth.reshape(-1)[bare] = virtual.reshape(-1)[bare]
+    if len(bare) == len(there):
+        return [(own, depth)]
+    shown[bare] = 0
+    virtual.reshape(-1)[bare] = 0
+    return [(own, depth), (light, virtual)]
 
 
 def virtual_depth(depths: Sequence[np.ndarray]) -> np.ndarray:
@@ -56,12 +55,13 @@ def virtual_depth(depths: Sequence[np.ndarray]) -> np.ndarray:
     return np.where(virtual[0] > 0, virtual[0], surface) if virtual else surface
 
 
-def one_part(parts: Sequence[Part], black: float = 0.0) -> Part:
+def one_part(parts: Sequence[Part]) -> Part:
     """All light in one part, for one slicing.
 
-    Its depth is virtual where a surface has no light of its own, else the surface's.
+    Its depth is virtual where a surface has no light of its own, else the surface's.  Arrays change
+    as in :func:`placed_parts`.
     """
-    (light, depth), *rest = placed_parts(parts, black)
+    (light, depth), *rest = placed_parts(parts)
     for shown, _ in rest:
         light = light + shown
     return light, depth
@@ -86,15 +86,13 @@ class TwoPartSlicer:
         part: slice | np.ndarray,
         parts: Sequence[Part],
         first_row: int = 0,
-        *,
-        black: float = 0.0,
     ) -> None:
         """Add rows of some views, as :meth:`DepthSlicer.add` does, of one part or two.
 
-        The second has depth 0 for rays without specular light; ``black`` is as for
+        The second has depth 0 for rays without specular light; arrays change as in
         :func:`placed_parts`.
         """
-        (own, depth), *rest = placed_parts(parts, black)
+        (own, depth), *rest = placed_parts(parts)
         self._body.add(part, own, depth, first_row)
         for light, virtual in rest:
             shown, images = self._specular_slicers()

@@ -114,7 +114,9 @@ def trace_by_depth(
         raise OpticsError(problem, key="pixels", remedy=remedy)
     slicer = TwoPartSlicer(views, planes, pixels, device, stops=stops)
     done = 0
-    for part, first, parts in traced_views(tracer, views, pixels, in_rows=True, whole_views=False):
+    for part, first, parts in traced_views(
+        tracer, views, pixels, in_rows=True, whole_views=False, placed=True
+    ):
         slicer.add(part, parts, first)
         if first + parts[0][1].shape[1] == views.slab.size.height:
             done += part.stop - part.start
@@ -132,13 +134,15 @@ def traced_views(
     order: np.ndarray | None = None,
     in_rows: bool = False,
     whole_views: bool = True,
+    placed: bool = False,
 ) -> Iterator[tuple[slice, int, list[Part]]]:
     """Trace a few views at a time: yield part, first row, and the rays as :meth:`Tracer.parts`.
 
     ``pixels`` is the longer side of the pictures that textures are filtered for; ``part`` is a
     slice of ``order``, the numbers of the views.  With ``in_rows``, large views are traced some
-    rows at a time.  Under an open shutter each view is traced at its own instant, or with
-    ``whole_views=False`` at four, and views of the same instants follow one another.
+    rows at a time; ``placed`` is as for :meth:`Tracer.parts`.  Under an open shutter ``placed``
+    does not count, and each view is traced at its own instant, or with ``whole_views=False`` at
+    four, and views of the same instants follow one another.
     """
     slab = views.slab
     pitch = slab.camera.field_width / pixels
@@ -164,4 +168,4 @@ def traced_views(
             if isinstance(tracer, ExposedTracer):
                 yield part, first, tracer.parts_at(shares[start], rays)
             else:
-                yield part, first, tracer.parts(rays)
+                yield part, first, tracer.parts(rays, placed=placed)

@@ -54,14 +54,15 @@ SINGLE = {"OUTER": 1, "SINGLE_RAYS": 1}
 def _macros(sink: str, scene: Mapping[str, int], *, has_alpha: bool = False) -> dict[str, object]:
     """Those of the macros of a ``scene`` that matter to a sink, and the sink."""
     changes: dict[str, int] = {}
+    specular = scene["SPECULAR"] * (sink == "IMAGE")
     if sink in ("HITS", "GIVEN"):  # without surfaces, but with alpha tests
         changes = dict.fromkeys(scene, 0) | {"TEXTURES": scene["TEXTURES"] & ALPHA_TESTS}
     elif sink in ("SURFACE", "GIVEN_SURFACE"):  # without lights
         changes = {"SHADOWS": 0, "BAKED": 0, "CLEAR": 0}
-    elif sink == "PATHS":
+    elif sink == "PATHS" or specular:
         always = PHYSICAL | ALPHA_TESTS * has_alpha
         changes = {"TEXTURES": scene["TEXTURES"] | always}
-    return {**scene, **changes, "SINK": sink}
+    return {**scene, **changes, "SPECULAR": specular, "SINK": sink}
 
 
 def _kernel_of(scene: DeviceScene, sink: str, values: Mapping[str, float]) -> EntryKernel:

@@ -59,6 +59,7 @@ MATERIAL = np.dtype([
     ("thin_walled", INT),
     ("absorption", FLOAT, 3),  # 1 / metre
     ("clear", INT),  # whether light passes
+    ("sends_on", INT),  # whether rays are mirrored or pass
     ("clearcoat", FLOAT),
     ("clearcoat_roughness", FLOAT),
 ])  # fmt: skip
@@ -113,26 +114,12 @@ RAY_ARGUMENTS = np.dtype([
     ("across", INT),  # elements in a row of a radiance image
     ("mode", INT),  # ADD and STREAM
 ])  # fmt: skip
-PATH_ARGUMENTS = np.dtype([("most_events", INT), ("begins", INT)])
-"""Whether ``paths`` begin: with given rays."""
-PATH = np.dtype([
-    ("number", INT),  # of the first ray; -1: no path
-    ("events", INT),  # reflections and transmissions so far
-    ("hits", INT),
-    ("passes", INT),  # whether it did not turn back at the last hit
-    ("media", INT, 2),  # materials of the volumes it is in, the last one first; -1: none
-    ("last", INT, 2),  # the triangles it met last; -1: none
-    ("origin", FLOAT, 3),
-    ("direction", FLOAT, 3),  # of unit length
-    ("weight", FLOAT, 3),
-    ("point", FLOAT, (4, 3)),  # differentials: see differentials.cl
-    ("turn", FLOAT, (4, 3)),
+PATH_ARGUMENTS = np.dtype([("most_events", INT)])
+SEEN = np.dtype([
+    ("own", FLOAT, 3), ("own_depth", FLOAT), ("specular", FLOAT, 3), ("specular_depth", FLOAT),
+    ("cut", FLOAT),
 ])  # fmt: skip
-"""A ray on its way from one surface to the next."""
-ARRIVED = np.dtype([("light", FLOAT, 3), ("inverse_depth", FLOAT), ("strength", FLOAT),
-                    ("cut", FLOAT)])  # fmt: skip
-"""What a path's next surface gives: light, the inverse depth at which it appears, the mean share of
-the path that ends here (-1: nothing does), and the weight of rays that are not followed."""
+"""What a ray sees: see :class:`lfcore.tracing.specular.SeenParts`."""
 RAY_HIT = np.dtype([
     ("triangle", INT),  # -1 for a miss
     ("distance", FLOAT),  # in units of the ray's direction
@@ -145,7 +132,7 @@ RECORDS = {
     "Boxes": BOXES, "Leaf": LEAF,
     "SceneStarts": SCENE_STARTS, "SceneArguments": SCENE_ARGUMENTS,
     "RayArguments": RAY_ARGUMENTS, "RayHit": RAY_HIT,
-    "PathArguments": PATH_ARGUMENTS, "Path": PATH, "Arrived": ARRIVED,
+    "PathArguments": PATH_ARGUMENTS, "Seen": SEEN,
 }  # fmt: skip
 """The structs, by their names in kernels; one that holds another comes after it."""
 
@@ -167,8 +154,8 @@ KERNELS = {
     | _SHADED,
     "trace_paths": _COMMON
     | given(path_numbers="PathArguments")
-    | read(origins="float", directions="float", chosen="int")
-    | write(paths="Path", onward="Path", arrived="Arrived"),
+    | read(origins="float", directions="float", triangle="int")
+    | write(seen="Seen"),
 }
 """The parameters of each kernel, name -> type; entry/trace.cl explains them."""
 SINKS = {

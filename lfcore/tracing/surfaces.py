@@ -11,7 +11,7 @@ from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.baked import BakedLight
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import Needs, is_clear
+from lfcore.scene.needs import Needs, is_clear, is_specular
 from lfcore.scene.sky_gloss import sky_gloss
 from lfcore.tracing.layouts import (
     ALPHA_TESTS,
@@ -113,6 +113,7 @@ def macros_of(needs: Needs) -> dict[str, int]:
         "VERTEX_COLOURS": int(needs.vertex_colours),
         "SHADOWS": int(needs.shadows),
         "CLEAR": int(needs.clear),
+        "SPECULAR": int(needs.specular),
         "BAKED": int(needs.baked),
         "SKY": int(needs.sky),
     }
@@ -176,13 +177,13 @@ def pack_light(values: np.ndarray) -> np.ndarray:
 
 def _pack_materials(scene: Scene) -> np.ndarray:
     packed = np.zeros(len(scene.every_material), MATERIAL)
-    same = set(MATERIAL.names or ()) - {"specular_cutoff", "maps", "clear"}
+    same = set(MATERIAL.names or ()) - {"specular_cutoff", "maps", "clear", "sends_on"}
     for row, m in zip(packed, scene.every_material, strict=True):
         for name in same:
             row[name] = getattr(m, name)
         row["specular_cutoff"] = LEAST_HIGHLIGHT ** (1 / m.shininess) if m.shininess > 0 else 0
         row["alpha_blend"] = scene.has_alpha_blend(m)
-        row["clear"] = is_clear(scene, m)
+        row["clear"], row["sends_on"] = is_clear(scene, m), is_specular(scene, m)
         row["maps"] = m.texture, m.normal_texture, m.metal_texture, m.emission_texture
     return packed
 

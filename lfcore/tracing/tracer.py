@@ -148,14 +148,16 @@ class Tracer:
         fill_arrays(job, [bundles], coordinates, arrays, **left_out)
         if triangle is not None and (paths := self._paths(bundles, triangle)):
             chosen, seen = paths
-            radiance.reshape(-1, 3)[chosen] = seen.own + seen.specular
+            radiance.reshape(-1, 3)[chosen] += seen.own + seen.specular
 
     def _paths(self, bundles: Bundles, triangle: np.ndarray) -> tuple[np.ndarray, SeenParts] | None:
-        """The numbers of the rays that hit specular surfaces, and what these see."""
+        """The numbers of the rays that hit specular surfaces, and what these see without the own
+        light of the surfaces that they hit."""
         chosen = np.flatnonzero(self._goes_on[triangle.ravel()])
         if not len(chosen):
             return None
-        return chosen, follow(self._on_device, *bundles.some_rays(chosen), bundles.pixel_pitch)
+        rays, known = bundles.some_rays(chosen), triangle.ravel()[chosen]
+        return chosen, follow(self._on_device, *rays, bundles.pixel_pitch, known)
 
     def radiance_and_depth(self, bundles: Bundles) -> tuple[np.ndarray, np.ndarray]:
         """Radiance and depth of every ray in one pass: see :meth:`bundle_radiance`.
@@ -169,12 +171,16 @@ class Tracer:
         self.fill_radiance(job, bundles, None, radiance, depth)
         return radiance, depth
 
-    def parts(self, bundles: Bundles) -> list[tuple[np.ndarray, np.ndarray]]:
+    def parts(
+        self, bundles: Bundles, *, placed: bool = False
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Radiance and depth of every ray, as :meth:`radiance_and_depth`, in one part or two.
 
         The second part is what mirrors, glass, coats and veils show, and the depth at which it
         appears; there is none where the rays meet no such surface.  Its radiance and depth are 0
-        for rays to which they show nothing.  The first part is then without it.
+        for rays to which they show nothing.  The first part is then without it.  With ``placed``
+        specular light takes the place of own light where this is at most BLACK, and there is no
+        second part if all does.
         """
         if not self.needs.specular:
             return [self.radiance_and_depth(bundles)]
@@ -186,10 +192,15 @@ class Tracer:
         if not (paths := self._paths(bundles, triangle)):
             return [(light, depth)]
         chosen, seen = paths
+        seen = seen._replace(own=seen.own + light.reshape(-1, 3)[chosen])
+        seen = seen.placed() if placed else seen
         light.reshape(-1, 3)[chosen], depth.reshape(-1)[chosen] = seen.own, seen.own_depth
+        there = np.flatnonzero(seen.specular_depth)
+        if placed and not len(there):
+            return [(light, depth)]
         shown, apparent = np.zeros_like(light), np.zeros_like(depth)
-        shown.reshape(-1, 3)[chosen] = seen.specular
-        apparent.reshape(-1)[chosen] = seen.specular_depth
+        shown.reshape(-1, 3)[chosen[there]] = seen.specular[there]
+        apparent.reshape(-1)[chosen[there]] = seen.specular_depth[there]
         return [(light, depth), (shown, apparent)]
 
     def shows_others(self, triangle: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from lfcore.optics.size import Pixels
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.stored_depth import picture_side, read_depths
 from lfcore.refocus.stored_views import read_own_views, read_views
-from lfcore.refocus.two_parts import BLACK, placed_parts
+from lfcore.refocus.two_parts import placed_parts
 from lfcore.storage.lightfield import LightFieldFile
 
 PAGE_SIDE = 4096
@@ -200,7 +200,7 @@ def read_by_depth(
             for each, depth in zip(files, depths, strict=True)
         ]
         for (pictures, disparities), (light, depth) in zip(
-            found, placed_parts(parts, BLACK), strict=False
+            found, placed_parts(parts), strict=False
         ):
             pictures[some] = _codes(field, choice, light)
             near = depth[:, v[:, None], u]

@@ -42,7 +42,7 @@ def in_parts(views, surfaces, shiny, strength=0.5):
 
 def picture(views, plane, pixels, parts, **more):
     slicer = TwoPartSlicer(views, [plane], pixels, **more)
-    slicer.add(slice(0, len(parts[0][0])), parts)
+    slicer.add(slice(0, len(parts[0][0])), [tuple(map(np.copy, part)) for part in parts])
     return slicer.pictures()[0]
 
 
@@ -114,7 +114,7 @@ def test_without_a_specular_part_pictures_are_those_of_one_part():
 def test_what_mirrors_show_takes_their_place():
     views = displaced_views(Slab(CAMERA, 2, 16))
     own, specular = in_parts(views, [MIRROR, WALL], 0)
-    ((light, depth),) = placed_parts([own, specular])
+    ((light, depth),) = placed_parts([tuple(map(np.copy, part)) for part in (own, specular)])
     is_mirror = specular[1] > 0
     np.testing.assert_array_equal(light[is_mirror], specular[0][is_mirror])
     np.testing.assert_array_equal(depth, np.where(is_mirror, specular[1], own[1]))

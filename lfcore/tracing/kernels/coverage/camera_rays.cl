@@ -1,12 +1,47 @@
-// Camera rays traced one by one: blocks with incoherent rays, and single rays.
+// Rays traced one by one: blocks with incoherent rays, given rays, and rays from surfaces.
 #pragma once
 #include "depth_buffer.cl"
+#include "surfaces.cl"
 
 typedef struct { float t; int id; float3 weights; } Hit;
 
+#define MISS ((Hit){INFINITY, -1, (float3)(NAN)})
+
+// The rounding error of a hit point, a share of its largest coordinate.
+#define START_ERROR GAMMA(32.0f)
+
+// Where a ray starts that a surface has sent on: from the `last` triangle that it met.  A mirrored
+// ray ignores what is nearer than `near`, a rounding error.  A ray that passes starts an error early,
+// so that it meets both of two coincident faces; but within the error it meets no triangle of the
+// same material that faces the same side, a neighbour beside an edge.
+typedef struct {
+    const Scene *scene;
+    float3 direction;
+    int passes, last, before;  // `before`: the triangle before the last
+    float near;
+} Start;
+
+inline float3 face_normal(const Scene *s, int id)
+{
+    const float3 p = corner(s, id, 0);
+    return cross_product(corner(s, id, 1) - p, corner(s, id, 2) - p);
+}
+
+inline int is_ignored(const Start *start, int id, float time)
+{
+    const Scene *s = start->scene;
+    if (id == start->last) return 1;
+    if (start->last < 0 || time > start->near) return 0;
+    if (!start->passes || id == start->before) return 1;
+    const float facing = inner_product(face_normal(s, id), start->direction) *
+                         inner_product(face_normal(s, start->last), start->direction);
+    return s->material_ids[id] == s->material_ids[start->last] && facing > 0.0f;
+}
+
 // Replace `hit` by the nearest of the triangles `bits` of a leaf if it is nearer; at equal distance
-// the lowest number wins.
-inline void take_nearest(const Tree *tree, const Ray *r, int leaf, uint bits, Hit *hit)
+// the lowest number wins.  `start` may be 0.
+inline void take_nearest(const Tree *tree, const Ray *r, int leaf, uint bits, const Start *start,
+                         Hit *hit)
 {
     for (; bits; bits &= bits - 1) {
         const int at = lowest(bits);
@@ -15,27 +50,46 @@ inline void take_nearest(const Tree *tree, const Ray *r, int leaf, uint bits, Hi
         if (!hits_triangle(r, tree->leaves + leaf, at, &time, &weights) || time > hit->t) continue;
         const int id = triangle_ids(tree, leaf, at)[0];
         if (time == hit->t && id >= hit->id) continue;
+        if (start && is_ignored(start, id, time)) continue;
         if (!is_solid(&tree->alpha_tests, id, r->origin + time * r->direction)) continue;
         *hit = (Hit){time, id, weights};
     }
 }
 
-#define MISS ((Hit){INFINITY, -1, (float3)(NAN)})
-
-// The first triangle that a ray hits; `t` is the parameter of the given ray.
-inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
+// The first triangle that a ray hits.
+inline Hit nearest_hit(const Tree *tree, const Ray *r, const Start *start)
 {
-    int exponent;
-    const Ray r = scaled_ray(origin, direction, &exponent);
-    const float3 inverse = r.path.inverse_lo;
-    const Volume volume = {0, &r.path, 1 + (inverse.x * inverse.y * inverse.z != 0.0f)};
+    const float3 inverse = r->path.inverse_lo;
+    const Volume volume = {0, &r->path, 1 + (inverse.x * inverse.y * inverse.z != 0.0f)};
     Hit hit = {FAR, -1};
     Stack stack;
     start_walk(&stack);
     float far;
     for (int leaf; far = hit.t * SWEEP_SLACK, (leaf = next_leaf(tree, &volume, far, &stack)) >= 0;)
-        take_nearest(tree, &r, leaf, may_hit(&r, tree->leaves + leaf, far), &hit);
+        take_nearest(tree, r, leaf, may_hit(r, tree->leaves + leaf, far), start, &hit);
+    return hit;
+}
+
+// The first hit of a ray; `t` is the parameter of the given ray.
+inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
+{
+    int exponent;
+    const Ray r = scaled_ray(origin, direction, &exponent);
+    Hit hit = nearest_hit(tree, &r, 0);
     hit.t = times_power((float3)(hit.t), -exponent).x;
+    return hit.id < 0 ? MISS : hit;
+}
+
+// The first hit of a ray that starts from a triangle.
+inline Hit next_hit(const Tree *tree, float3 origin, Start *start)
+{
+    const float error = start->last < 0 ? 0.0f : START_ERROR * largest_component(origin);
+    const float early = start->passes ? error : 0.0f;
+    int exponent;
+    const Ray r = scaled_ray(origin - early * start->direction, start->direction, &exponent);
+    start->near = (early + error) * ldexp(1.0f, exponent);
+    Hit hit = nearest_hit(tree, &r, start);
+    hit.t = times_power((float3)(hit.t), -exponent).x - early;
     return hit.id < 0 ? MISS : hit;
 }
 

@@ -9,6 +9,8 @@
 #include "arrays.cl"
 #if SINK == PATHS
 #include "paths.cl"
+#elif SPECULAR
+#include "events.cl"
 #endif
 
 // A worker's memory; what tints_of describes follows.
@@ -50,6 +52,12 @@ inline void shade_record(Pipeline *p, const Bundle *bundle)
     if (SHADOWS && m->hits.key_count)
         find_lit(&p->shadows, &m->hits, bundle, m->shadows.origins, lit);
     shade_hits(p->scene, &m->hits, lit, m->shaded);
+#if SPECULAR
+    for (int k = 0; k < m->hits.key_count; ++k)
+        if (p->scene->materials[m->hits.keys[k] / MIP_LEVELS].sends_on)
+            light_first_key(p->scene, &p->shadows.tree->alpha_tests, &m->hits, lit,
+                            m->hits.keys[k], m->shaded);
+#endif
 }
 
 #if SINK < GIVEN
@@ -72,6 +80,7 @@ inline void take_packet(const Tree *tree, const Packet *packet, Pipeline *p)
     }
 }
 #elif SINK == PATHS
+// Let the paths p->now meet their next surfaces.
 inline void take_paths(Paths *paths, Pipeline *p)
 {
     global Memory *m = p->memory;
@@ -79,10 +88,26 @@ inline void take_paths(Paths *paths, Pipeline *p)
     find_next_hits(paths);
     const GivenRays rays = {.origin = found->origin, .direction = found->direction,
                             .hits = found->hits, .footprint = found->footprint};
-    find_given_hits(p->scene, &rays, 0.0f, 0, paths->end - paths->first, found->order, &m->hits);
-    if (SHADOWS && m->hits.key_count)
+    find_given_hits(p->scene, &rays, 0.0f, 0, paths->count, found->order, &m->hits);
+    if (SHADOWS && m->hits.key_count && !paths->known)
         find_lit(&p->shadows, &m->hits, 0, m->shadows.origins, lit_of(m));
     meet_surfaces(paths);
+}
+
+// Follow `count` paths that have begun to their ends; `known` as in Paths.
+inline void follow_paths(Paths *paths, int count, global const int *known, Pipeline *p)
+{
+    for (int step = 0; count; ++step, count = paths->going) {
+        global int *now = paths->memory->lists[step % 2];
+        paths->next = paths->memory->lists[(step + 1) % 2];
+        paths->going = 0;
+        for (int first = 0; first < count; first += BLOCK_RAYS) {
+            paths->now = now + first;
+            paths->count = min(count - first, BLOCK_RAYS);
+            paths->known = step ? 0 : known;
+            take_paths(paths, p);
+        }
+    }
 }
 #else
 
@@ -163,15 +188,14 @@ KERNEL void trace_paths(trace_paths_PARAMETERS)
     Pipeline pipeline = make_pipeline(&tree, &surfaces, ray_numbers.pixel_pitch, scratch, 0);
     global Memory *memory = pipeline.memory;
     Paths followed = {.scene = &surfaces, .tree = &tree, .hits = &memory->hits,
-                      .memory = &memory->paths, .lit = lit_of(memory), .paths = paths,
-                      .chosen = chosen, .children = onward, .arrived = arrived, .numbers = path_numbers,
+                      .memory = &memory->paths, .lit = lit_of(memory), .numbers = path_numbers,
                       .pixel_pitch = pipeline.pixel_pitch};
     for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
         const Range range = rays_of(number, ray_numbers.columns);
-        followed.first = range.first;
-        followed.end = range.end;
-        if (path_numbers.begins) begin_paths(&followed, origins, directions);
-        take_paths(&followed, &pipeline);
+        const int first = range.first, count = range.end - first;
+        begin_paths(&memory->paths, origins + 3 * first, directions + 3 * first, count);
+        follow_paths(&followed, count, triangle ? triangle + first : 0, &pipeline);
+        write_seen(&memory->paths, count, seen + first);
     }
 }
 #else

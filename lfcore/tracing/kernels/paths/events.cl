@@ -22,6 +22,8 @@ inline Media without(Media m, int material)
                    pick_int(m.second, (vi)(-1), is_first | is_second)};
 }
 
+inline vi all_if(int condition) { return (vi)(condition ? -1 : 0); }
+
 inline int is_volume(const Material *m)
 {
     return m->record.transmission > 0.0f && !m->record.thin_walled;
@@ -84,12 +86,76 @@ inline Events find_events(const Scene *scene, int number, vf opacity, Media medi
     return e;
 }
 
-// Own light of surfaces at which no ray goes on.
-inline void lack_nothing(vi mask, Surface *s)
+// The own light of surfaces in the share `own`, and all of it where no ray goes `on`.
+inline Vec shared_light(const Scene *scene, Surface *s, global const int *lit, int at, vf own,
+                        vi on)
 {
     const int physical = is_metallic(s->material);
-    s->lacking.matt = pick(s->lacking.matt, (vf)(1.0f), mask);
-    s->lacking.scattered = pick(s->lacking.scattered, (vf)(1.0f), mask);
-    s->lacking.glossy |= mask & (vi)(physical ? -1 : 0);
-    s->lacking.dull &= ~mask;
+    s->lacking.matt = pick((vf)(1.0f), s->lacking.matt, on);
+    s->lacking.scattered = pick((vf)(1.0f), s->lacking.scattered, on);
+    s->lacking.glossy |= ~on & all_if(physical);
+    s->lacking.dull &= on;
+    return scale3(own_light(scene, s, lit, at), pick((vf)(1.0f), own, on));
+}
+
+// Unit normals of the triangles that the rays `mine` of a row hit, and their corners.
+inline Vec read_planes(const Scene *s, global const Hits *hits, int at, vi mine,
+                       TriangleRow *triangles, Vec *corner)
+{
+    const int any = hits->triangle[at + lowest(row_bits(mine))];
+    triangles->count = LANES;
+    VSTORE(pick_int((vi)(any), VLOAD(hits->triangle + at), mine), triangles->ids);
+    read_corners(s, triangles, corner);
+    return directions_of(cross3(minus3(corner[1], corner[0]), minus3(corner[2], corner[0])));
+}
+
+// The share of light that meets the surfaces of a row.
+inline vf opacity_row(const AlphaTests *tests, global const Hits *hits, const Material *m, int at)
+{
+    private float opacity[LANES];
+    for (int k = 0; k < LANES; ++k) {
+        const int id = hits->triangle[at + k];
+        opacity[k] = m->record.opacity;
+        // A row may have rays of other materials, whose triangles have no picture of alpha.
+        if (!m->record.alpha_blend || id < 0 || !has_holes(tests, id)) continue;
+        global const AlphaTest *image = tests->records + tests->record_of[id];
+        opacity[k] *= alpha_at(tests->alpha, image, hits->value[COORDINATES][at + k],
+                               hits->value[COORDINATES + 1][at + k]) / 255.0f;
+    }
+    return VLOAD(opacity);
+}
+
+// Which rays pass a surface as if it were not there: where it is a hole, and where they leave a
+// volume that they are not in first.
+inline vi find_idle(vi front, Media media, const Material *m, int number, vf opacity)
+{
+    const vi foreign = ~front & ~EQ(media.first, (vi)(number));
+    return (foreign & all_if(is_volume(m))) | EQ(opacity, (vf)(0.0f));
+}
+
+// Light the rays of a shading key that meet first surfaces which send rays on, with their own light.
+inline void light_first_key(const Scene *scene, const AlphaTests *tests, global const Hits *hits,
+                            global const int *lit, int key, global float *out)
+{
+    const int number = key / MIP_LEVELS;
+    const Media none = {-1, -1};
+    Material material = {scene->materials[number]};
+    if (TEXTURED) read_maps(scene, scene->materials + number, key % MIP_LEVELS, material.maps);
+    Surface s;
+    s.material = &material;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vi mine = EQ(VLOAD(hits->key + at), (vi)(key));
+        if (!row_any(mine)) continue;
+        Vec corner[3];
+        TriangleRow triangles;
+        read_surface(scene, hits, at, &s);
+        const Vec n = read_planes(scene, hits, at, mine, &triangles, corner);
+        const vi front = LT(dot3(n, load3(hits->direction, at)), (vf)(0.0f));
+        const vf opacity = opacity_row(tests, hits, &material, at);
+        const vi idle = find_idle(front, none, &material, number, opacity);
+        const Events e = find_events(scene, number, opacity, none, front, &s);
+        const Vec light = shared_light(scene, &s, lit, at, e.own, e.goes_on & ~idle);
+        const Vec values[SHADED] = {pick3(light, spread3(0.0f), idle)};
+        write_shaded(values, mine, at, out);
+    }
 }

@@ -1,57 +1,79 @@
-// Paths: each meets its next surface, whose own light arrives, and which sends at most two rays on.
+// Paths: rays from the lens that surfaces reflect or let pass, one surface further at a time.
 //
-// A path splits at its first SPLITS events.  At further ones it leaves volumes, or else follows the
-// stronger ray, with the weight of both.  The surface after the last event is matt.
+// A path splits at its first SPLITS events, so that a ray has at most BRANCHES.  At further events a
+// path leaves volumes, or else follows the stronger ray, with the weight of both.  The surface after
+// the last event is matt.
 #pragma once
+#include "camera_rays.cl"
 #include "differentials.cl"
 #include "events.cl"
 #include "given_hits.cl"
-#include "next_hit.cl"
 
-enum { MIRRORED, PASSED, WAYS };  // children of a path
+enum { MIRRORED, PASSED };  // children of a path
+#define BRANCHES (1 << SPLITS)
+// The largest inverse depth at which something appears, in inverse depths of the first surface: rays
+// near a focus of curved glass have any.
+#define NEAREST 4.0f
 
-// A worker's memory: the next hits of a packet's paths, as given rays.
+// A path on its way from one surface to the next; its direction has unit length.
+typedef struct {
+    int events, hits;  // reflections and transmissions so far; and all surfaces
+    int passes;        // whether it did not turn back at the last surface
+    int media[2];      // materials of the volumes it is in, the last one first; -1: none
+    int last[2];       // the triangles it met last; -1: none
+    float origin[3], direction[3], weight[3];
+    float point[MOVES][3], turn[MOVES][3];  // see differentials.cl
+} Path;
+
+// What arrives along a branch: light, the inverse depth at which its strongest part appears, and the
+// mean weight of rays that are not followed.
+typedef struct { float light[3], inverse_depth, strength, cut; } Arrived;
+
+// A worker's memory: the next hits of paths, as given rays; and the branches of BLOCK_RAYS rays.
 typedef struct {
     float origin[3 * BLOCK_RAYS], direction[3 * BLOCK_RAYS], footprint[BLOCK_RAYS];
     RayHit hits[BLOCK_RAYS];
-    int order[BLOCK_RAYS];  // of the record of hits
+    int order[BLOCK_RAYS];                  // of the record of hits
+    int lists[2][BRANCHES * BLOCK_RAYS];    // numbers of branches that go on, and will
+    Path branch[BRANCHES * BLOCK_RAYS];
+    Arrived own[BLOCK_RAYS];                // of first surfaces
+    Arrived shown[BRANCHES * BLOCK_RAYS];
 } PathMemory;
 
-// Paths [first, end), at most BLOCK_RAYS, and what becomes of them.
+// Paths of a worker.
 typedef struct {
     const Scene *scene;
     const Tree *tree;
     global const Hits *hits;
     global PathMemory *memory;
     global const int *lit;
-    global Path *paths;
-    global const int *chosen;   // (R,) of `paths`; 0: all
-    global Path *children;      // (R, WAYS)
-    global Arrived *arrived;    // (R,)
-    int first, end;
+    global const int *now;  // `count` branches, at most BLOCK_RAYS, that meet their next surfaces
+    int count;
+    global int *next;       // `going` branches that go on from there
+    int going;
+    global const int *known;  // triangles of first hits, whose own light is known, too; or 0
     PathArguments numbers;
     float pixel_pitch;
 } Paths;
 
-inline global Path *path_of(const Paths *p, int ray)
+// Begin the paths of `count` rays from the lens, from (s, t, 0) in direction (x, y, 1).
+inline void begin_paths(global PathMemory *m, global const float *origins,
+                        global const float *directions, int count)
 {
-    return p->paths + (p->chosen ? p->chosen[ray] : ray);
-}
-
-// Begin the paths of rays from the lens, from (s, t, 0) in direction (x, y, 1).
-inline void begin_paths(const Paths *p, global const float *origins, global const float *directions)
-{
-    for (int ray = p->first; ray < p->end; ++ray) {
+    for (int ray = 0; ray < count; ++ray) {
+        const int number = m->lists[0][ray] = BRANCHES * ray;
         const float3 d = vload3(ray, directions);
         const float inverse = 1.0f / sqrt(inner_product(d, d));
         const float3 unit = d * inverse;
-        global Path *path = p->paths + ray;
-        *path = (Path){.number = ray, .media = {-1, -1}, .last = {-1, -1}, .weight = {1, 1, 1},
+        global Path *path = m->branch + number;
+        *path = (Path){.media = {-1, -1}, .last = {-1, -1}, .weight = {1, 1, 1},
                        .point = {{1, 0, 0}, {0, 1, 0}}};
         vstore3(vload3(ray, origins), 0, path->origin);
         vstore3(unit, 0, path->direction);
         vstore3(inverse * ((float3)(1, 0, 0) - unit.x * unit), 0, path->turn[2]);
         vstore3(inverse * ((float3)(0, 1, 0) - unit.y * unit), 0, path->turn[3]);
+        m->own[ray] = (Arrived){.strength = 0.0f};
+        for (int k = 0; k < BRANCHES; ++k) m->shown[number + k] = (Arrived){.strength = 0.0f};
     }
 }
 
@@ -63,21 +85,37 @@ inline float width_at(global const Path *path, float distance, float pixel_pitch
     return pixel_pitch * sqrt(fabs(inner_product(cross_product(x, y), vload3(0, path->direction))));
 }
 
+inline Hit hit_of(const Paths *p, global const Path *path)
+{
+    Start start = {p->scene, vload3(0, path->direction), path->passes, path->last[0],
+                   path->last[1]};
+    return next_hit(p->tree, vload3(0, path->origin), &start);
+}
+
+// The hit of a first ray with the triangle that it is known to hit.
+inline Hit known_hit(const Paths *p, global const Path *path, int triangle)
+{
+    int exponent;
+    const Ray r = scaled_ray(vload3(0, path->origin), vload3(0, path->direction), &exponent);
+    const Beside b = triangle_beside(&r, p->scene->corners + 9 * (long)triangle, 1);
+    Hit hit = {0.0f, triangle};
+    if (!meets_plane(&r, &b, &hit.t, &hit.weights)) return hit_of(p, path);
+    hit.t = times_power((float3)(hit.t), -exponent).x;
+    return hit;
+}
+
 inline void find_next_hits(const Paths *p)
 {
     global PathMemory *m = p->memory;
-    for (int ray = p->first; ray < p->end; ++ray) {
-        global const Path *path = path_of(p, ray);
-        const int at = ray - p->first;
-        const Hit hit = next_hit(p->tree, p->scene, path);
+    for (int at = 0; at < p->count; ++at) {
+        global const Path *path = m->branch + p->now[at];
+        const Hit hit = p->known ? known_hit(p, path, p->known[at]) : hit_of(p, path);
         vstore3(vload3(0, path->origin), at, m->origin);
         vstore3(vload3(0, path->direction), at, m->direction);
         vstore3(hit.weights, 0, m->hits[at].weights);
         m->hits[at].triangle = hit.id;
         m->hits[at].distance = hit.t;
         m->footprint[at] = hit.id < 0 ? 0.0f : width_at(path, hit.t, p->pixel_pitch);
-        p->arrived[ray] = (Arrived){.strength = -1.0f};
-        for (int way = 0; way < WAYS; ++way) p->children[WAYS * ray + way].number = -1;
     }
 }
 
@@ -89,7 +127,7 @@ typedef struct {
     vi front, events, hits, triangle, last;
     Media media;
     Differentials moves;
-    int ray[LANES];  // their numbers
+    int branch[LANES];  // their numbers
 } PathRow;
 
 inline void set_lane(vf *row, int k, float x) { ((float *)row)[k] = x; }
@@ -99,8 +137,8 @@ inline void read_paths(const Paths *p, int at, PathRow *r)
 {
     private int events[LANES], hits[LANES], last[LANES], media[2][LANES];
     for (int k = 0; k < LANES; ++k) {
-        const int place = min(p->memory->order[at + k], p->end - p->first - 1);
-        global const Path *path = path_of(p, r->ray[k] = p->first + place);
+        const int place = min(p->memory->order[at + k], p->count - 1);
+        global const Path *path = p->memory->branch + (r->branch[k] = p->now[place]);
         set_ray_vector(&r->direction, k, vload3(0, path->direction));
         set_ray_vector(&r->weight, k, vload3(0, path->weight));
         for (int j = 0; j < MOVES; ++j) {
@@ -129,9 +167,6 @@ inline void reach_surfaces(const Paths *p, int at, vi mine, PathRow *r, Triangle
     VSTORE(r->media.first, media);
     VSTORE(r->distance, distance);
     r->triangle = VLOAD(p->hits->triangle + at);
-    const int any = p->hits->triangle[at + lowest(row_bits(mine))];
-    triangles->count = LANES;
-    VSTORE(pick_int((vi)(any), r->triangle, mine), triangles->ids);
     for (int k = 0; k < LANES; ++k) {
         const float3 a = media[k] < 0 ? 0.0f : vload3(0, p->scene->materials[media[k]].absorption);
         for (int j = 0; j < 3; ++j) absorbed[j][k] = -LOG2_E * axis(a, j) * max(distance[k], 0.0f);
@@ -139,9 +174,7 @@ inline void reach_surfaces(const Paths *p, int at, vi mine, PathRow *r, Triangle
     const Vec kept = {exp2_fast(VLOAD(absorbed[0])), exp2_fast(VLOAD(absorbed[1])),
                       exp2_fast(VLOAD(absorbed[2]))};
     r->weight = times3(r->weight, kept);
-    read_corners(p->scene, triangles, r->corner);
-    const Vec n = directions_of(cross3(minus3(r->corner[1], r->corner[0]),
-                                       minus3(r->corner[2], r->corner[0])));
+    const Vec n = read_planes(p->scene, p->hits, at, mine, triangles, r->corner);
     r->front = LT(dot3(n, r->direction), (vf)(0.0f));
     r->plane = turn_vectors(n, ~r->front & (vi)(0x80000000));
     move_on(&r->moves, r->distance, r->direction, r->plane);
@@ -154,22 +187,27 @@ inline void arrive(const Paths *p, const PathRow *r, vi mask, Vec light, Vec sha
     const Vec all = times3(r->weight, light), ends = times3(r->weight, share);
     const vf depth = apparent_depth(&r->moves, r->direction, beyond);
     const vf strength = (ends.x + ends.y + ends.z) * (1.0f / 3.0f);
+    private int events[LANES];
     private float depths[LANES], strengths[LANES], cuts[LANES];
+    VSTORE(r->events, events);
     VSTORE(depth, depths);
     VSTORE(strength, strengths);
     VSTORE(cut, cuts);
     for (uint left = row_bits(mask); left; left &= left - 1) {
         const uint k = lowest(left);
-        global Arrived *to = p->arrived + r->ray[k];
-        vstore3(ray_vector(&all, k), 0, to->light);
-        to->inverse_depth = depths[k];
+        const int branch = r->branch[k], first = events[k] == 0;
+        global Arrived *to = first ? p->memory->own + branch / BRANCHES : p->memory->shown + branch;
+        vstore3(vload3(0, to->light) + ray_vector(&all, k), 0, to->light);
+        to->cut += cuts[k];
+        if (strengths[k] < to->strength || !(strengths[k] > 0.0f || first)) continue;
         to->strength = strengths[k];
-        to->cut = cuts[k];
+        to->inverse_depth = depths[k];
     }
 }
 
-// Send the rays in `mask` on, from hit points that begin at ray `at` of the record.
-inline void send_on(const Paths *p, const PathRow *r, vi mask, int way, int at, int event,
+// Send the rays in `mask` on, from hit points that begin at ray `at` of the record; rays that pass
+// are branches of their own at the first events.
+inline void send_on(Paths *p, const PathRow *r, vi mask, int way, int at, int event,
                     Vec direction, Vec weight, Media media, const Differentials *moves)
 {
     private int events[LANES], hits[LANES], triangle[LANES], last[LANES], media_[2][LANES];
@@ -182,8 +220,10 @@ inline void send_on(const Paths *p, const PathRow *r, vi mask, int way, int at, 
     const Vec point = load3(p->hits->point, at);
     for (uint left = row_bits(mask); left; left &= left - 1) {
         const uint k = lowest(left);
-        global Path *to = p->children + WAYS * (long)r->ray[k] + way;
-        to->number = path_of(p, r->ray[k])->number;
+        const int splits = way == PASSED && event && events[k] < SPLITS;
+        const int branch = r->branch[k] + (splits ? 1 << events[k] : 0);
+        global Path *to = p->memory->branch + branch;
+        p->next[p->going++] = branch;
         to->events = events[k] + event;
         to->hits = hits[k] + 1;
         to->passes = way == PASSED;
@@ -203,7 +243,7 @@ inline void send_on(const Paths *p, const PathRow *r, vi mask, int way, int at, 
 
 // The mirrored rays in `mask`.  A smooth normal may send a ray into the triangle that it came
 // from: the flat one does not.
-inline void send_mirrored(const Paths *p, const PathRow *r, vi mask, int at, Vec normal,
+inline void send_mirrored(Paths *p, const PathRow *r, vi mask, int at, Vec normal,
                           const Vec *bends, Vec weight)
 {
     const Vec d = r->direction;
@@ -225,7 +265,7 @@ inline Vec refracted(Vec d, Vec normal, vf eta)
 }
 
 // The rays in `mask` that pass, refracted by `eta`.
-inline void send_passed(const Paths *p, const PathRow *r, vi mask, int at, Vec normal,
+inline void send_passed(Paths *p, const PathRow *r, vi mask, int at, Vec normal,
                         const Vec *bends, Vec weight, vf eta, Media media)
 {
     const Vec d = r->direction;
@@ -239,37 +279,10 @@ inline void send_passed(const Paths *p, const PathRow *r, vi mask, int at, Vec n
     send_on(p, r, mask, PASSED, at, 1, passed, weight, media, &moves);
 }
 
-// The share of light that meets the surfaces of a row.
-inline vf opacity_row(const Paths *p, const Material *m, int at)
-{
-    private float opacity[LANES];
-    for (int k = 0; k < LANES; ++k) {
-        const int id = p->hits->triangle[at + k];
-        opacity[k] = m->record.opacity;
-        const AlphaTests *tests = &p->tree->alpha_tests;
-        // A row may have rays of other materials, whose triangles have no picture of alpha.
-        if (!m->record.alpha_blend || id < 0 || !has_holes(tests, id)) continue;
-        global const AlphaTest *image = tests->records + tests->record_of[id];
-        opacity[k] *= alpha_at(tests->alpha, image, p->hits->value[COORDINATES][at + k],
-                               p->hits->value[COORDINATES + 1][at + k]) / 255.0f;
-    }
-    return VLOAD(opacity);
-}
-
 inline vf mean_of(Vec a) { return (a.x + a.y + a.z) * (1.0f / 3.0f); }
 
-inline vi all_if(int condition) { return (vi)(condition ? -1 : 0); }
-
-// Which rays pass a surface as if it were not there: where it is a hole, and where they leave a
-// volume that they are not in first.
-inline vi find_idle(const PathRow *r, const Material *m, int material, vf opacity)
-{
-    const vi foreign = ~r->front & ~EQ(r->media.first, (vi)(material));
-    return (foreign & all_if(is_volume(m))) | EQ(opacity, (vf)(0.0f));
-}
-
 // Send the idle rays on, straight.
-inline void pass_idle(const Paths *p, const PathRow *r, const Material *m, int material, int at,
+inline void pass_idle(Paths *p, const PathRow *r, const Material *m, int material, int at,
                       vi idle)
 {
     const vi onward = idle & LT(r->hits + 1, (vi)(MOST_HITS));
@@ -280,10 +293,10 @@ inline void pass_idle(const Paths *p, const PathRow *r, const Material *m, int m
 
 // The children of a row of paths: their weights, and masks of the rays that have them.
 typedef struct {
-    Vec weight[WAYS];
+    Vec weight[2];
     vi ends;          // rays whose children are not followed: theirs were the most events
     vi on;            // rays that have a child
-    vi child[WAYS];   // rays that have this child
+    vi child[2];      // rays that have this child
     vf cut;           // mean weight of what is not followed
 } Children;
 
@@ -304,26 +317,25 @@ inline Children choose_children(const Paths *p, const PathRow *r, const Events *
     c.cut = pick((vf)(0.0f), pick(passed, mirrored, passing), single & c.on);
     c.cut = pick(c.cut, mirrored + passed, c.ends);
     const Vec both = plus3(c.weight[MIRRORED], c.weight[PASSED]);
-    for (int way = 0; way < WAYS; ++way) c.weight[way] = pick3(c.weight[way], both, single);
+    for (int way = MIRRORED; way <= PASSED; ++way) c.weight[way] = pick3(c.weight[way], both, single);
     return c;
 }
 
 // Let the rays `mine` of a row meet surfaces of one material, number `material`.
-inline void meet_row(const Paths *p, int material, int at, vi mine, Surface *s)
+inline void meet_row(Paths *p, int material, int at, vi mine, Surface *s)
 {
     PathRow r;
     TriangleRow triangles;
     read_paths(p, at, &r);
     reach_surfaces(p, at, mine, &r, &triangles);
     read_surface(p->scene, p->hits, at, s);
-    const vf opacity = opacity_row(p, s->material, at);
-    const vi idle = find_idle(&r, s->material, material, opacity);
+    const vf opacity = opacity_row(&p->tree->alpha_tests, p->hits, s->material, at);
+    const vi idle = find_idle(r.front, r.media, s->material, material, opacity);
     pass_idle(p, &r, s->material, material, at, mine & idle);
     const int volume = is_volume(s->material);
     const Events e = find_events(p->scene, material, opacity, r.media, r.front, s);
     const Children c = choose_children(p, &r, &e, volume, mine & ~idle);
-    lack_nothing(~c.on, s);
-    const Vec light = scale3(own_light(p->scene, s, p->lit, at), pick((vf)(1.0f), e.own, c.on));
+    const Vec light = p->known ? spread3(0.0f) : shared_light(p->scene, s, p->lit, at, e.own, c.on);
     const Vec white = spread3(1.0f), kept = minus3(white, plus3(e.mirrored, e.passed));
     arrive(p, &r, mine & ~idle, light, pick3(white, kept, c.on), c.cut, 0);
     if (!row_any(c.on)) return;
@@ -340,7 +352,7 @@ inline void meet_row(const Paths *p, int material, int at, vi mine, Surface *s)
 inline void arrive_beyond(const Paths *p)
 {
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi inside = LT(VLOAD(p->memory->order + at), (vi)(p->end - p->first));
+        const vi inside = LT(VLOAD(p->memory->order + at), (vi)(p->count));
         const vi missed = inside & LT(VLOAD(p->hits->key + at), (vi)(0));
         if (!row_any(missed)) continue;
         PathRow r;
@@ -351,7 +363,7 @@ inline void arrive_beyond(const Paths *p)
     }
 }
 
-inline void meet_surfaces(const Paths *p)
+inline void meet_surfaces(Paths *p)
 {
     arrive_beyond(p);
     for (int k = 0; k < p->hits->key_count; ++k) {
@@ -365,5 +377,36 @@ inline void meet_surfaces(const Paths *p)
             const vi mine = EQ(VLOAD(p->hits->key + at), (vi)(key));
             if (row_any(mine)) meet_row(p, key / MIP_LEVELS, at, mine, &s);
         }
+    }
+}
+
+// A depth from its inverse; infinity for what is not in front.
+inline float depth_of(float inverse, float most)
+{
+    return 1.0f / (inverse > 0.0f ? min(inverse, most) : 0.0f);
+}
+
+// Write what `count` rays see.
+inline void write_seen(global const PathMemory *m, int count, global Seen *seen)
+{
+    for (int ray = 0; ray < count; ++ray) {
+        const Arrived own = m->own[ray];
+        const float most = own.inverse_depth > 0.0f ? NEAREST * own.inverse_depth : FAR;
+        float3 light = 0.0f;
+        float strongest = 0.0f, inverse = 0.0f, cut = own.cut;
+        for (int k = 0; k < BRANCHES; ++k) {
+            const Arrived part = m->shown[BRANCHES * ray + k];
+            light += vload3(0, part.light);
+            cut += part.cut;
+            if (part.strength <= strongest) continue;
+            strongest = part.strength;
+            inverse = part.inverse_depth;
+        }
+        global Seen *to = seen + ray;
+        vstore3(vload3(0, own.light), 0, to->own);
+        vstore3(light, 0, to->specular);
+        to->own_depth = depth_of(own.inverse_depth, FAR);
+        to->specular_depth = strongest > 0.0f ? depth_of(inverse, min(most, FAR)) : 0.0f;
+        to->cut = cut;
     }
 }

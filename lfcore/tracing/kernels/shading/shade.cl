@@ -171,5 +171,7 @@ inline void shade_hits(const Scene *scene, global const Hits *hits, global const
                        global float *out)
 {
     shade_background(scene, hits, out);
-    for (int k = 0; k < hits->key_count; ++k) shade_key(scene, hits, lit, hits->keys[k], out);
+    for (int k = 0; k < hits->key_count; ++k)
+        if (!SPECULAR || !scene->materials[hits->keys[k] / MIP_LEVELS].sends_on)
+            shade_key(scene, hits, lit, hits->keys[k], out);
 }

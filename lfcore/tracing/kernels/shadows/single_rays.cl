@@ -29,7 +29,7 @@ inline int occludes(const Shadows *s, const Ray *r, int leaf, float far, int rec
     const uint bits = may_hit(r, s->tree->leaves + leaf, far * SWEEP_SLACK);
     for (int lane = 0; bits >> lane && lane < NODE_WIDTH && hit.id < 0; lane += LANES)
         take_nearest(s->tree, r, leaf, bits & shading_lanes(s, r, leaf, lane, receiver, light, 0),
-                     &hit);
+                     0, &hit);
     return hit.id >= 0;
 }
 

@@ -89,16 +89,17 @@ inline uint may_hit(const Ray *r, global const Leaf *leaf, float far)
     return row_any(hits) ? (uint)row_or(hits) : 0;
 }
 
-// A triangle of a leaf beside a ray, its corners along the ray's axes, and twice its edge functions.
+// A triangle beside a ray, its corners along the ray's axes, and twice its edge functions.
 typedef struct { WIDE_TYPE x[3], y[3], z[3], e[3]; } Beside;
 
-inline Beside triangle_beside(const Ray *r, global const Leaf *leaf, int at)
+// A triangle whose corners' coordinates, `corners` (3, 3), are `pitch` numbers apart.
+inline Beside triangle_beside(const Ray *r, global const float *corners, int pitch)
 {
     Beside b;
-    for (int k = 0; k < 3; ++k) {
-        const float depth = leaf->corner[k][r->kz][at] - r->oz;
-        b.x[k] = fma(-depth, r->sx, leaf->corner[k][r->kx][at] - r->ox);
-        b.y[k] = fma(-depth, r->sy, leaf->corner[k][r->ky][at] - r->oy);
+    for (int k = 0; k < 3; ++k, corners += 3 * pitch) {
+        const float depth = corners[r->kz * pitch] - r->oz;
+        b.x[k] = fma(-depth, r->sx, corners[r->kx * pitch] - r->ox);
+        b.y[k] = fma(-depth, r->sy, corners[r->ky * pitch] - r->oy);
         b.z[k] = depth;
     }
     for (int k = 0; k < 3; ++k) {
@@ -108,29 +109,41 @@ inline Beside triangle_beside(const Ray *r, global const Leaf *leaf, int at)
     return b;
 }
 
+inline Beside leaf_beside(const Ray *r, global const Leaf *leaf, int at)
+{
+    return triangle_beside(r, leaf->corner[0][0] + at, NODE_WIDTH);
+}
+
+// The parameter of a ray on a triangle's plane, and the corners' weights there; false for a triangle
+// that is seen edge-on.
+inline int meets_plane(const Ray *r, const Beside *b, float *time, float3 *weights)
+{
+    const WIDE_TYPE sum = b->e[0] + b->e[1] + b->e[2];
+    if (sum == 0) return 0;
+    *time = (float)((b->e[0] * b->z[0] + b->e[1] * b->z[1] + b->e[2] * b->z[2]) / sum) * r->sz;
+    const float first = b->e[0] / sum, second = b->e[1] / sum;
+    *weights = (float3)(first, second, 1.0f - first - second);
+    return 1;
+}
+
 // Whether a ray hits a triangle of a leaf; its parameter there, and the corners' weights.
 inline int hits_triangle(const Ray *r, global const Leaf *leaf, int at, float *time,
                          float3 *weights)
 {
-    const Beside b = triangle_beside(r, leaf, at);
-    const WIDE_TYPE *y = b.y, *z = b.z, *e = b.e;
-    const WIDE_TYPE sum = e[0] + e[1] + e[2];
-    const int beside = min(e[0], min(e[1], e[2])) < 0 && max(e[0], max(e[1], e[2])) > 0;
-    if (beside || sum == 0) return 0;
+    const Beside b = leaf_beside(r, leaf, at);
+    const WIDE_TYPE *y = b.y, *e = b.e;
+    if (min(e[0], min(e[1], e[2])) < 0 && max(e[0], max(e[1], e[2])) > 0) return 0;
     // Without doubles, the edge functions of a triangle that is seen edge-on are rounding errors.
-    if (sizeof(sum) == 4 && (min(y[0], min(y[1], y[2])) > 0 || max(y[0], max(y[1], y[2])) < 0))
+    if (sizeof(e[0]) == 4 && (min(y[0], min(y[1], y[2])) > 0 || max(y[0], max(y[1], y[2])) < 0))
         return 0;
-    *time = (float)((e[0] * z[0] + e[1] * z[1] + e[2] * z[2]) / sum) * r->sz;
-    const float first = e[0] / sum, second = e[1] / sum;
-    *weights = (float3)(first, second, 1.0f - first - second);
-    return *time > 0.0f;
+    return meets_plane(r, &b, time, weights) && *time > 0.0f;
 }
 
 // Whether a ray that hits a triangle also does so when it is moved along x, and along y by much
 // less: of triangles with a common edge or corner, as many are crossed as by a ray beside it.
 inline int crosses_triangle(const Ray *r, global const Leaf *leaf, int at)
 {
-    const Beside b = triangle_beside(r, leaf, at);
+    const Beside b = leaf_beside(r, leaf, at);
     const int positive = b.e[0] + b.e[1] + b.e[2] > 0;
     for (int k = 0; k < 3; ++k) {
         const int p = (k + 1) % 3, q = (k + 2) % 3;
