@@ -61,9 +61,7 @@ if PLAN and FILM["frames"]:
             scene=scene_inputs,
             light=of_scene("{scene}")["light"],
             ahead=f"{FILM_FOLDER}/ahead.json",
-            segments=expand(
-                rules.film_instants.output, group=groups_of_film(), allow_missing=True
-            ),
+            segments=expand(rules.film_instants.output, group=groups_of_film(), allow_missing=True),
         output:
             f"{FILM_FOLDER}.mkv",
         log:
