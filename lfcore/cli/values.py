@@ -109,12 +109,18 @@ def rays(text: str) -> tuple[int | None, int | None]:
     return read(samples) if samples else None, read(instants) if instants else None
 
 
+MOST_FRAMES = 1_000_000
+"""The most frames of a film: twelve hours at 24 per second."""
+
+
 def frames(text: str) -> range:
     """Read the frames of a film, the last excluded: ``0:48``."""
     first, _, end = text.partition(":")
     numbers = range(count(0)(first), count(0)(end))
     if not numbers:
         raise argparse.ArgumentTypeError(f"{text!r} has no frame")
+    if numbers[-1] - numbers[0] >= MOST_FRAMES:
+        raise argparse.ArgumentTypeError(f"{text!r} has more than {MOST_FRAMES:,} frames")
     return numbers
 
 

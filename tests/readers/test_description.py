@@ -415,7 +415,11 @@ def test_yaml_and_pbrt_mean_the_same(tmp_path, write_scene):
     assert len(ours.motions) == len(pbrt.motions) == 1
     said = first_instant(0, 1)
     assert said in ours.summary() and said in pbrt.summary()
-    for time in (0.0, 0.3, 1.0):
-        a, b = (scene.at(time).triangles for scene in (ours, pbrt))
-        np.testing.assert_allclose(a, b, atol=1e-6)
+    (tmp_path / "later.pbrt").write_text(PBRT.replace("Film", "TransformTimes 2 4\nFilm"))
+    later = build_pbrt_scene(tmp_path / "later.pbrt")
+    assert later.instants == (2, 4)
+    for time in (-1.0, 0.0, 0.3, 1.0):
+        places = ours.at(time).triangles
+        for scene, then in ((pbrt, time), (later, 2 + 2 * time)):
+            np.testing.assert_allclose(scene.at(then).triangles, places, atol=1e-6)
     assert np.abs(ours.at(1.0).triangles - ours.triangles).max() > 0.3
