@@ -182,6 +182,20 @@ def set_minutes(wildcards, attempt):
     return costs.items_minutes(pictures, PLAN.dataset.pixels) * attempt
 
 
+def groups_of_film():
+    """Return the names of the jobs of a film."""
+    from lfcore.storage.instants import GROUP
+
+    return [f"{first // GROUP:05d}" for first in range(0, config["film"]["frames"], GROUP)]
+
+
+def film_minutes(wildcards, attempt):
+    """Minutes for a group of instants."""
+    from lfcore.workflow import costs
+
+    return costs.film_minutes(PIXELS) * attempt
+
+
 def sums_mib(wildcards, attempt):
     from lfcore.workflow import costs
 

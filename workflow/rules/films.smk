@@ -3,20 +3,6 @@ FILM = config["film"]
 FILM_FOLDER = f"results/{{scene}}/M{PIXELS}/film"
 OF_FILM = of_settings("film", "pixels", "encoding", "device")
 
-
-def groups_of_film():
-    """Return the names of the jobs of a film."""
-    from lfcore.storage.instants import GROUP
-
-    return [f"{first // GROUP:05d}" for first in range(0, FILM["frames"], GROUP)]
-
-
-def group_minutes(wildcards, attempt):
-    from lfcore.workflow import costs
-
-    return costs.film_minutes(PIXELS) * attempt
-
-
 if PLAN and FILM["frames"]:
 
     rule film_ahead:
@@ -49,7 +35,7 @@ if PLAN and FILM["frames"]:
         conda:
             "../envs/lfcore.yaml"
         resources:
-            runtime=group_minutes,
+            runtime=film_minutes,
         params:
             **OF_FILM,
             version=version("film_instants"),
