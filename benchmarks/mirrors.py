@@ -1,11 +1,11 @@
 """Compares mirrors, glass, a coat and a veil with Mitsuba: python -m benchmarks.mirrors --out x.csv
 
-Six scenes in even light, where surfaces emit their own colours, so that nothing but mirrored and
-passing rays is compared: Mitsuba's converged path tracer through the same thin lens, with paths of
-the same length.  *quality*: dB of our pictures from 64 rays per pixel, on the pixels of the mirror,
-with its surface in focus and with the image in it; and of Mitsuba's, denoised, after as many core
-seconds.  *price*: the core seconds of a scene a tenth of whose pixels are a mirror over those of
-the same, matt.  Rows of other scenes and parts stay.
+Six scenes in even light: surfaces emit their own colours, so only mirrored and passing rays differ.
+Mitsuba's path tracer converges through the same thin lens, with paths of the same length.
+*quality*: dB of our pictures from 64 rays per pixel, on the pixels of the mirror, with its surface
+in focus and with the image in it; and of Mitsuba's, denoised, after as many core seconds.  *price*:
+the core seconds of a scene a tenth of whose pixels are a mirror over those of the same, matt. Rows
+of other scenes and parts stay.
 """
 
 import argparse

@@ -21,7 +21,7 @@ import numpy as np
 Result = TypeVar("Result")
 
 SHORT_SECONDS = 0.2
-"""Of shorter work, what a process does for the first time would be a part that is seen."""
+"""Work of fewer seconds is timed again: the first run's overhead would show."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def processors() -> int:
 
 
 def memory_bytes() -> int:
-    """Of this machine; 0 where the system does not say."""
+    """The machine's memory, bytes; 0 where the system does not report it."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):

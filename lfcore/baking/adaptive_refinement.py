@@ -254,9 +254,12 @@ def _rough(
     dark: float,
     limit: float,
 ) -> tuple[np.ndarray, ...]:
-    """Return two masks (T, 2, n) of points of grids of twice the cells: those between two covered
-    points; and rough ones, between points of which one is covered, or that differ by more than
-    ``limit``, a share of the light."""
+    """Return two masks (T, 2, n) of points of grids of twice the cells.
+
+    Points of the first are between two covered points.  Points of the second, the rough ones, are
+    between two points of which one is covered, or which differ by more than ``limit``, a share of
+    the light.
+    """
     light = mean_colour(values)
     (x, y), (a, b) = ([array.take(k, 2) for k in ends] for array in (light, covered))
     rough = abs(x - y) > limit * np.maximum(np.maximum(x, y), dark)

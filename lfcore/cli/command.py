@@ -261,7 +261,7 @@ def _as_options(notes: str) -> str:
 def open_field(arguments: argparse.Namespace, *, film: bool = False) -> lfcore.LightField:
     """Open the light field, and report damaged segments that are left out.
 
-    Of a film it is one instant, which is reported unless all are used (``film``).
+    A film is opened at one instant, which is reported unless the command uses all (``film``).
     """
     field = lfcore.LightField.open(arguments.lightfield, salvage=arguments.salvage)
     if arguments.instant is not None:

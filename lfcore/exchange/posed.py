@@ -208,7 +208,7 @@ def _text_lines(file: Path) -> list[str]:
 
 
 def _image_lines(file: Path) -> Iterator[str]:
-    """The lines of images, each of which may be followed by one of points, x, y and number each."""
+    """The lines of images; each may be followed by a line of points (x, y, number), left out."""
     after_image = False
     for line in _text_lines(file):
         words = line.split()

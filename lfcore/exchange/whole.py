@@ -6,8 +6,8 @@
 - Pixel ``(v T + t, u S + s)`` of an ESLF (Lytro Power Tools, Stanford's multi-view sets) is pixel
   (u, v) of the view in column s and row t.  Lytro's have 14 x 14 views, and black corners; an alpha
   channel is a weight and is left out.
-- A raw picture has the same order, linear in light, behind a round main lens that vignettes, and a
-  white image by which programs divide it.  The micro images' centres are beside that in
+- A raw picture has the same order, in linear light, and shows the vignetting of a round main lens.
+  Programs divide it by a white image, which is beside it with the micro images' centres in
   PlenoptiCam's form: ``mic_list`` of (y, x, row, column) in pixels, ``ptc_mean`` their pitch,
   ``pat_type`` ``rec`` for a rectangular grid.
 """

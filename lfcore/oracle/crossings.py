@@ -92,7 +92,7 @@ def crosses_beside(
     """Whether rays (C, 3) that cross triangles (C, 3, 3) do so when moved: along x, and along y and
     z by much less.
 
-    Of triangles with a common edge or corner, as many are crossed as by a ray beside it.
+    So a ray through a common edge or corner crosses as many triangles as a ray beside it.
     ``weights`` (C, 3) are barycentric, 0 on edges.
     """
     p, q, r = (corners.astype(np.float64) - origins[:, None]).swapaxes(0, 1)

@@ -28,7 +28,7 @@ class Differentials:
 
     @classmethod
     def of_camera(cls, directions: np.ndarray, delta: float) -> Differentials:
-        """Those of rays from the lens in ``directions`` (R, 3), whose z is 1."""
+        """The differentials of rays from the lens in ``directions`` (R, 3), whose z is 1."""
         steps = np.zeros((2, 4, 3))
         steps[0, [0, 1], [0, 1]] = 1
         steps[1, [0, 1], [0, 1]] = -delta
@@ -80,7 +80,7 @@ class Differentials:
         ends = np.where(at_end[:, None, None], self.point, self.direction)
         # Two of three coordinates suffice; the longest of the direction is left out.
         kept = np.argsort(np.abs(direction), axis=1)[:, None, :2]
-        # A point's change along the ray is no change of what is seen.
+        # A change along the ray does not change the point that is seen.
         along = direction[:, None]
         across = ends - dot(ends, along) * along
         both = np.take_along_axis(across, kept, axis=2)

@@ -1,4 +1,4 @@
-"""An account of a file: what it holds, what of it is in the scene, and a note for all the rest."""
+"""An account of a file: the number of things in it and in the scene, and notes on the others."""
 
 from pathlib import Path
 
@@ -6,12 +6,11 @@ from lfcore.scene.notes import NOT_USED, Count, Notebook
 
 
 class Account:
-    """Counts what a file holds and what of it is used.
+    """Counts the things of a file, and those of them that are used.
 
-    A reader calls :meth:`hold` for everything that it meets, :meth:`use` for what it puts into the
-    scene, :meth:`lose` for what it leaves out with words of its own, and :meth:`close` at the end,
-    which notes all that was held and neither used nor lost.  Things of a kind have one name, a
-    plural: ``"vertices"``, ``"materials"``, ``"statements of 'curv'"``.
+    A reader calls :meth:`hold` for each thing in the file, :meth:`use` for each that it puts into
+    the scene, and :meth:`lose` for each that it notes in words of its own.  :meth:`close` notes all
+    others.  Things of a kind have one name, a plural: ``"vertices"``, ``"statements of 'curv'"``.
 
     Parameters
     ----------

@@ -165,7 +165,7 @@ class Libraries:
 
 
 class _Material:
-    """One material: what its statements say, each of which is used or noted."""
+    """One material from its statements, each of which is used or noted."""
 
     def __init__(
         self, libraries: Libraries, name: str, file: Path, statements: Statements,
@@ -323,7 +323,7 @@ class _Material:
         return {"texture": codes, "alpha_cutoff": 0.5 / opacity}
 
     def _account_for_all(self) -> None:
-        """Use what was asked for, and what says nothing beyond it; the rest is noted."""
+        """Use the statements that were read or only state a default; note the others."""
         for key, (word, text) in self.statements.items():
             values = [_number(word) for word in text.split()]
             if key in self._used or (values and set(values) <= set(PLAIN.get(key, ()))):

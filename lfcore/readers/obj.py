@@ -139,8 +139,8 @@ class _Polygons:
 
 
 def _corners(text: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """(C, 3) int64: numbers of vertex, texture coordinate and normal of all corners of faces, 0 for
-    none, and the number of corners of each face."""
+    """Each corner's vertex, texture coordinate and normal, (C, 3) int64, 0 for none; and the number
+    of corners per face."""
     if b"/" not in text:
         values, counts = numbers(text, np.int64)
         return np.stack([values, *np.zeros((2, len(values)), np.int64)], -1), counts

@@ -124,7 +124,7 @@ class _Mesh:
 
     def _colours(self, element: str) -> np.ndarray | None:
         """(count, 3) linear colours of an element."""
-        for name in ALPHA:  # of which there is nothing to say if it is the same everywhere
+        for name in ALPHA:  # an equal alpha everywhere needs no note
             alpha = self._ply.elements.get(element, {}).get(name)
             if isinstance(alpha, np.ndarray) and np.ptp(alpha) == 0:
                 self._used.add((element, name))

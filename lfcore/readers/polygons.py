@@ -56,8 +56,8 @@ def triangulate(
 
 
 def _wrong_fans(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Normals (F, 3) of polygons (F, N, 3), and of which a triangle of the fan from the first
-    corner is turned over."""
+    """The normals (F, 3) of polygons (F, N, 3), and the mask (F,) of polygons whose fan from the
+    first corner has a triangle that faces the other side."""
     with np.errstate(invalid="ignore", over="ignore"):
         sides = points[:, 1:] - points[:, :1]
         areas = np.cross(sides[:, :-1], sides[:, 1:])

@@ -51,11 +51,11 @@ class Replay:
 
     Attributes
     ----------
-    objects_at : the objects at an instant.
-    kept : which triangles of the objects the first scene has.
-    object_lights : the number of its first lights, which are those of the objects.
-    follows : whether its camera is one of the objects'.
-    sky_at : the sky as another (4, 4) matrix to camera space turns it; None without a sky.
+    objects_at : returns the objects at an instant.
+    kept : the mask of the objects' triangles that the first scene has.
+    object_lights : the number of lights from objects, which are the first scene's first ones.
+    follows : whether the camera belongs to an object, and moves with it.
+    sky_at : returns the sky for a (4, 4) matrix to camera space; None without a sky.
     """
 
     first: Scene

@@ -23,7 +23,7 @@ def is_mask(alpha: np.ndarray) -> bool:
 
 
 def beside(name: str, *files: Path) -> Path | None:
-    """The file of a name that one of ``files`` has: in its folder, or in that of the next.
+    """The file that one of ``files`` names, in the folder of the first of them that has it.
 
     Backslashes count as slashes where there is no such file, and at last the name alone counts.
     """

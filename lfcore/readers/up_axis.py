@@ -14,7 +14,7 @@ WORDS = re.compile(rb"\bz[-_ ]?(?:axis )?(?:is )?up\b|\bup[-_ ]?(?:axis|vector)?
 FOOT = 0.04
 """The least share of the surface that is a foot."""
 CLEARLY = 4.0
-"""The least factor between the area of a foot on z and that of flat ends of y, or of z's top."""
+"""The least ratio of a foot's area on z to the flat area at both ends of y, and at z's top."""
 END = 0.02
 """The thickness of a foot, as a share of the greatest extent."""
 LEVEL = 0.9

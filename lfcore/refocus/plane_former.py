@@ -98,8 +98,8 @@ class PlaneFormer:
     def add_light(self, light: np.ndarray, first: int) -> None:
         """Add consecutive elements of the tile, the first being number ``first``.
 
-        ``light`` is (E, rows, columns, 3) float32, linear.  Of macropixels it may be the middle of
-        the lens, without as many whole chunks of lens samples on each side.
+        ``light`` is (E, rows, columns, 3) float32, linear.  Macropixels may lack equal numbers of
+        whole chunks of lens samples on each side of the lens.
         """
         rows, columns = light.shape[1:3]
         self._run(light, (columns, rows), self._placements[first : first + len(light)])

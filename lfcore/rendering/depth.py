@@ -1,7 +1,6 @@
 """Depth and disparity of views, and a picture in which everything is in focus.
 
-The tracer computes the depth of every ray: planar z of the ray through the middle of a pixel, never
-a mixture of two surfaces.
+A pixel has the depth (planar z) of the ray through its middle, never a mixture of two surfaces.
 """
 
 import json
@@ -96,8 +95,8 @@ def dioptre_range(tracer: Tracer, slab: Slab, margin: float) -> tuple[float, flo
 
 
 def virtual_range(tracer: Tracer, slab: Slab, margin: float) -> tuple[float, float]:
-    """As :func:`dioptre_range`, of the virtual depths of a few rays, without the nearest of
-    them: rays near a focus of curved glass have any."""
+    """As :func:`dioptre_range`, of virtual depths, without the nearest ones: near a focus of curved
+    glass, rays have arbitrary virtual depths."""
     coarse = spread_over(slab)
     rays = bundles.views(coarse, all_samples(coarse))
     instants = tracer.each((0.0, 0.5, 1.0)) if isinstance(tracer, ExposedTracer) else [tracer]

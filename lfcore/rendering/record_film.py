@@ -44,15 +44,15 @@ from lfcore.tracing.tracer import Tracer
 
 @dataclass(frozen=True)
 class Ahead:
-    """What a few rays of each instant show, before all are traced.
+    """Ranges and facts of all instants, from a few rays of each, before all rays are traced.
 
     Attributes
     ----------
     times : the instants, seconds.
     ranges : the least and the greatest inverse depth of all, 1/m: of surfaces, and of specular
         light if there is any.
-    content, digests : of each instant, what its file would say.
-    peak : as of :func:`lfcore.rendering.record.peak_to_store`, of the brightest instant.
+    content, digests : per instant, the facts of its file and the scene's digest.
+    peak : as :func:`lfcore.rendering.record.peak_to_store` returns for the brightest instant.
     """
 
     times: tuple[float, ...]

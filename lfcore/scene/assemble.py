@@ -107,7 +107,7 @@ def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
 
 
 def _batches(parts: list[SurfaceMesh]) -> Iterator[list[SurfaceMesh]]:
-    """The parts, in order, of which large ones are cut, in lists of about AT_A_TIME triangles."""
+    """The parts in order, in lists of about AT_A_TIME triangles; larger parts are cut."""
     batch, count = list[SurfaceMesh](), 0
     for part in parts:
         for first in range(0, part.count, AT_A_TIME):

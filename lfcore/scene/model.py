@@ -332,10 +332,10 @@ class Scene:
         ----------
         focus_m : float or str, optional
             Metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"``, or a share such as
-            ``"40%"`` of the visible depths, even in dioptres.  Default is the camera's; of a
-            pinhole, that of :meth:`with_lens` where an aperture is given.
+            ``"40%"`` of the visible depths, even in dioptres.  Default: the camera's; a pinhole
+            with a given aperture has the focus of :meth:`with_lens`.
         f_number : float, optional
-            Default is the camera's; of a pinhole, that of :meth:`with_lens` where a focus is given.
+            Default: the camera's; a pinhole with a given focus has that of :meth:`with_lens`.
         aperture : str
             ``circle``, ``square``, ``diamond`` or ``polygon``.
         focus_at : (float, float), optional

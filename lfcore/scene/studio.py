@@ -96,8 +96,8 @@ def floor(extent: Bounds, to_camera: np.ndarray) -> SurfaceMesh | None:
     inner = np.stack([a, b, c], 2)
     outer = np.stack([a, c, d], 2)[1:]  # the innermost ring is a fan
     triangles = np.concatenate([inner.reshape(-1, 3, 3), outer.reshape(-1, 3, 3)])
-    # It reflects as much radiance as the horizon emits.
-    # Of the sky: the integral of its gradient times the cosine.
+    # The floor reflects as much radiance as the horizon emits.  The sky's irradiance is the
+    # integral of its gradient times the cosine.
     irradiance = np.array(HORIZON) / 3 + np.array(ZENITH) * 2 / 3
     cosine = max(float(to_camera[:3, 1] @ key_light().vector), 0.0)
     irradiance = irradiance + np.array(KEY_LIGHT) * cosine

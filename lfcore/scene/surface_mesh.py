@@ -248,7 +248,7 @@ def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarra
     normals = middle[vertex]
     chosen = np.flatnonzero(edged[vertex])
     if len(chosen):
-        # Those of one vertex are neighbours, vertices with most corners come first.
+        # Corners of a vertex follow one another; vertices with most corners come first.
         vertex = vertex[chosen]
         order = np.argsort(vertex - valence[vertex] * len(valence), kind="stable")
         chosen, valence = chosen[order], valence[vertex[order]]
@@ -260,8 +260,8 @@ def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarra
 
 
 def _vertices(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The number (C,) of the vertex of each of the corners at ``points`` (C, 3), and the corners of
-    each vertex."""
+    """The vertex number (C,) of each corner at ``points`` (C, 3), and the number of corners per
+    vertex."""
     keys = np.zeros(len(points), np.uint64)
     for axis in points.T:
         keys ^= (axis + 0.0).view(np.uint64)  # -0 is 0
@@ -294,10 +294,10 @@ def _split_normals(
     valence: np.ndarray,
     least: float,
 ) -> np.ndarray:
-    """The normals of corners (C,) at vertices of which not all faces have a like normal.
+    """The normals of corners (C,) at vertices whose faces have unlike normals.
 
-    ``doubled`` and ``unit`` (T, 3) are the faces' normals, ``face`` is that of each corner,
-    ``first`` the first corner of its vertex, ``least`` the cosine of like normals.
+    ``doubled`` and ``unit`` (T, 3) are the faces' normals.  A corner has the face ``face``, and
+    ``first`` is the first corner of its vertex; ``least`` is the cosine of like normals.
     """
     doubled, unit = doubled[face], unit[face]
     sums = np.zeros_like(unit)

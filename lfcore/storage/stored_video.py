@@ -21,7 +21,7 @@ from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import open_video
 
 STREAMS = "", " of the depths", " of the specular light", " of the virtual depths"
-"""The video streams of a file, of which the last two or three may be missing."""
+"""The video streams of a file, as errors name them; the last two or three may be missing."""
 MOST_STREAMS = len(STREAMS)
 """The most video streams of a file."""
 

@@ -231,8 +231,8 @@ def _describe(field: LightFieldFile, slab: Slab, choice: Choice) -> dict[str, An
 def _disparities(field: LightFieldFile, slab: Slab) -> tuple[np.ndarray, np.ndarray | None]:
     """The disparities (h, w) seen from the middle of the lens, of a file with depth.
 
-    First those of the brighter of a surface and its image; then those of the other, or None if
-    nothing is specular.
+    A pixel shows a surface and perhaps an image in it.  The first array has the disparity of the
+    brighter one, the second array of the other; it is None if nothing is specular.
     """
     side, scale = min(slab.pixels, MAP_SIDE), slab.lens_pitch_m / slab.pixel_pitch
     surface = (inverse_depth(field, side) - slab.camera.delta) * scale

@@ -69,7 +69,7 @@ def scene_files(entries: Iterable[str]) -> dict[str, str]:
 
 
 def _scene_name(file: Path, names: Iterable[str]) -> str:
-    """Return the name of a scene's folder of results: that of its folder, or of its file."""
+    """Return the name of a scene's folder of results: its folder's or its file's name."""
     name = file.resolve().parent.name if file.name == "scene.yaml" else file.stem
     name = re.sub(r"[^\w.+-]|^\.", "_", unicodedata.normalize("NFC", name))
     project_file = own_scenes().get(name)

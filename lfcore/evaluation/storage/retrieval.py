@@ -50,10 +50,10 @@ def retrieval_rows(
 ) -> list[dict]:
     """Rows of one file.
 
-    Planes, in the numbers of ``planes``, are spread evenly in dioptres between ``focus_m``, and
-    formed from at most ``rays`` by ``device``, of one thread: seconds are CPU seconds of this
-    process, medians of ``repeats`` rounds.  Raises :class:`StorageError` for a damaged file,
-    :class:`OpticsError` for a distance that was not recorded.
+    ``planes`` has numbers of planes, which are spread evenly in dioptres between both of
+    ``focus_m``, and formed from at most ``rays``.  ``device`` has one thread: seconds are CPU
+    seconds of this process, medians of ``repeats`` rounds.  Raises :class:`StorageError` for a
+    damaged file, :class:`OpticsError` for a distance that was not recorded.
     """
     field = LightFieldFile.open(path)
     measurements = [*_planes(field, focus_m, planes, rays, device), *_pieces(field)]

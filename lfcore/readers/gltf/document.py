@@ -149,7 +149,7 @@ class Document:
         return self._buffers[index]
 
     def _part(self, holder: dict) -> memoryview:
-        """The bytes of a bufferView, or of what is packed in place of one."""
+        """The bytes of a bufferView, or of compressed data in its place."""
         buffer = memoryview(self._buffer(holder.get("buffer")))
         start, length = holder.get("byteOffset", 0), holder.get("byteLength")
         whole = isinstance(start, int) and isinstance(length, int) and start >= 0 <= length

@@ -15,7 +15,7 @@ READ = {
     "KHR_node_visibility", "KHR_texture_transform", "KHR_materials_clearcoat",
     "KHR_materials_ior", "KHR_materials_transmission", "KHR_materials_volume",
 }  # fmt: skip
-"""Those that are in the picture as they should be."""
+"""The extensions that pictures show in full."""
 LOST = {
     "EXT_lights_ies": (LEFT_OUT, "the profiles of lights"),
     "EXT_lights_image_based": (LEFT_OUT, "light of a picture; give a sky"),

@@ -58,7 +58,7 @@ class Surfaces:
         self._dropped: set[int] = set()
 
     def look(self, index: int | None) -> Look:
-        """The look of a material; None: of what has none."""
+        """The look of a material; None is the default material."""
         if index not in self._looks:
             entry = {} if index is None else self.document.entry("materials", index)
             name = str(entry.get("name") or self.document.path.stem)
@@ -66,7 +66,7 @@ class Surfaces:
         return self._looks[index]
 
     def uvs(self, look: Look, coordinates: np.ndarray) -> np.ndarray:
-        """(T, 3, 2), v up, of texture coordinates; NaN, of what is not unwrapped, is 0."""
+        """Texture coordinates (T, 3, 2), v up; NaN, where a mesh is not unwrapped, becomes 0."""
         u, v = np.moveaxis(np.where(np.isnan(coordinates), 0.0, coordinates)[..., :2], -1, 0)
         if look.move:
             numbers = self.document.numbers
