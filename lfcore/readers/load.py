@@ -132,27 +132,15 @@ def load_scene(
         return _pbrt(path, int(light_points))
     mesh = path.suffix.lower() not in DESCRIPTIONS
     if mesh:
-        if not os.path.isfile(path):
-            raise Where(path).error("file not found, or no regular file", "Check the path")
-        entry: dict = {"file": path.name}
-        if animation is not None:
-            entry["animation"] = animation
-        if up == "z":
-            entry["transform"] = [{"rotate": {"axis": "x", "angle_deg": -90}}]
-        if scale is not None:
-            if not (isinstance(scale, Real) and 0 < scale < math.inf):
-                raise SceneError(f"must be a number above 0, not {scale!r}", key="scale")
-            entry.setdefault("transform", []).append({"scale": float(scale)})
-        description = complete({"objects": [entry]})
-        name = path.stem
+        description, name = _of_mesh(path, animation, up, scale), path.stem
     else:
-        description = complete(check(read_yaml(path), file=path))
-        own = path.resolve().parent.name if path.stem == "scene" else path.stem
-        name = description.get("name") or own or "scene"
         for key, value in {"scale": scale, "animation": animation}.items():
             if value is not None:
                 remedy = "Give it to the object in the file, a scale as transform: [{scale: ...}]"
                 raise Where(path, key).error("belongs to a mesh file", remedy)
+        description = complete(check(read_yaml(path), file=path))
+        own = path.resolve().parent.name if path.stem == "scene" else path.stem
+        name = description.get("name") or own or "scene"
     if floor is not None:
         description["floor"] = floor
     if bare:
@@ -175,6 +163,22 @@ def load_scene(
         description, file=path, name=name, note_up=note_up, alone=alone, lens=camera,
         size=Size.of(pixels),
     )  # fmt: skip
+
+
+def _of_mesh(path: Path, animation: str | None, up: str | None, scale: float | None) -> dict:
+    """The description of a scene that is one mesh file."""
+    if not os.path.isfile(path):
+        raise Where(path).error("file not found, or no regular file", "Check the path")
+    entry: dict = {"file": path.name}
+    if animation is not None:
+        entry["animation"] = animation
+    if up == "z":
+        entry["transform"] = [{"rotate": {"axis": "x", "angle_deg": -90}}]
+    if scale is not None:
+        if not (isinstance(scale, Real) and 0 < scale < math.inf):
+            raise SceneError(f"must be a number above 0, not {scale!r}", key="scale")
+        entry.setdefault("transform", []).append({"scale": float(scale)})
+    return complete({"objects": [entry]})
 
 
 def _placed(

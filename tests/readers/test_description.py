@@ -125,7 +125,7 @@ BAD = {
     "two focuses": (
         camera("focus_m: near, focus_at: [0.5, 0.5]"), "camera.focus_at", "excludes focus_m"
     ),
-    "focus on the background": (camera("focus_at: [0, 0]"), "camera.focus_at", "nothing at 0,0"),
+    "focus on the background": (camera("focus_at: [0, 0]"), "camera.focus_at", "seen at 0,0"),
     "focus beyond the far end": (camera("focus_m: 140%"), "camera.focus_m", "near, middle, far"),
     "no direction": (camera("view_from: up"), "view_from", "front"),
     "pose without direction": (camera(f"{POSE}[0, 0, 5]}}"), "camera.pose", "coincide"),

@@ -47,7 +47,7 @@ def test_depths_seen_are_those_of_traced_rays(ball):
 def test_depths_of_triangles_that_cross_the_lens_plane():
     floor = np.array([[[-9, 1, -9], [9, 1, -9], [0, 1, 30]]], float)
     assert focus_at(floor, 1.0, (0.5, 0.75)) == pytest.approx(4)
-    refused("nothing at", focus_at, floor, 1.0, (0.5, 0.25))
+    refused("no surface is seen", focus_at, floor, 1.0, (0.5, 0.25))
 
 
 def test_a_mesh_is_blurred_visibly_at_both_ends_also_when_zoomed(ball):
