@@ -8,6 +8,7 @@ from viewer_browser import (
     before_pages,
     choose,
     complaints,
+    opened_at,
     pixels,
     psnr,
     settle,
@@ -27,11 +28,7 @@ NO_WEBGL2 = "HTMLCanvasElement.prototype.getContext = (own => function (kind, ..
 
 @pytest.fixture
 def opened(browser, page):
-    """The browser at the page, as recorded; nothing may have been complained of at the end."""
-    complaints(browser)
-    visit(browser, page)
-    yield browser
-    assert complaints(browser) == []
+    yield from opened_at(browser, page)
 
 
 @pytest.mark.parametrize("filter", ["bilinear", "nearest"])

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from plain_scenes import SCENES, scene, wall
-from viewer_browser import before_pages, choose, complaints, pixels, psnr, visit
+from viewer_browser import before_pages, choose, complaints, opened_at, pixels, psnr, visit
 
 import lfcore
 from lfcore import Material, load_scene, record
@@ -35,10 +35,7 @@ def field(browser, request, tmp_path_factory):
 def opened(browser, field):
     field.page = field.path.with_suffix(".html")
     field.viewer().save(field.page)
-    complaints(browser)
-    visit(browser, field.page)
-    yield browser
-    assert complaints(browser) == []
+    yield from opened_at(browser, field.page)
 
 
 class MovedAperture:

@@ -6,7 +6,7 @@ from selenium.webdriver import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 from test_viewer_page import described
-from viewer_browser import choose, complaints, pixels, psnr, settle, state, visit
+from viewer_browser import choose, opened_film, pixels, psnr, settle, state
 
 import lfcore
 from lfcore.colour import srgb_codes
@@ -23,13 +23,7 @@ def film(tmp_path_factory):
 
 @pytest.fixture
 def opened(browser, film):
-    page = film.path.with_suffix(".html")
-    if not page.exists():
-        film.viewer().save(page)
-    complaints(browser)
-    visit(browser, page)
-    yield browser
-    assert complaints(browser) == []
+    yield from opened_film(browser, film)
 
 
 def test_each_instant_is_what_refocus_makes(opened, film):

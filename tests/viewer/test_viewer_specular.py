@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mirror_room import PIXELS, mirror_room
 from selenium.webdriver import ActionChains
-from viewer_browser import before_pages, choose, complaints, pixels, psnr, settle, state, visit
+from viewer_browser import before_pages, choose, opened_film, pixels, psnr, settle, state, visit
 
 import lfcore
 from lfcore.colour import srgb_codes
@@ -23,13 +23,7 @@ def film(tmp_path_factory):
 
 @pytest.fixture
 def opened(browser, film):
-    page = film.path.with_suffix(".html")
-    if not page.exists():
-        film.viewer().save(page)
-    complaints(browser)
-    visit(browser, page)
-    yield browser
-    assert complaints(browser) == []
+    yield from opened_film(browser, film)
 
 
 def test_each_picture_is_what_refocus_makes(opened, film):

@@ -99,3 +99,19 @@ psnr = partial(psnr_of, peak=255)
 def complaints(browser) -> list[str]:
     """What the console was told since it was last asked: warnings and errors of the page."""
     return [entry["message"] for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+
+
+def opened_at(browser, page):
+    """The browser at a page; at the end nothing may have been complained of."""
+    complaints(browser)
+    visit(browser, page)
+    yield browser
+    assert complaints(browser) == []
+
+
+def opened_film(browser, film):
+    """As :func:`opened_at`, of a film's page, which is written once."""
+    page = film.path.with_suffix(".html")
+    if not page.exists():
+        film.viewer().save(page)
+    yield from opened_at(browser, page)
