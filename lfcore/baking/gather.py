@@ -12,9 +12,10 @@ from lfcore.baking.importance_guide import SIDE, ImportanceGuide
 from lfcore.baking.mesh_colours import Grids, Points, lattice, lattice_weights
 from lfcore.baking.sampling import R2, TURNS, circle, shifts
 from lfcore.baking.surroundings import ALONG_SURFACE
-from lfcore.opencl.device import Program, cl, page_aligned
+from lfcore.opencl.device import cl, page_aligned
 from lfcore.opencl.interface import FLOAT, INT, SHARED, UINT, Interface, given, read, record, write
 from lfcore.opencl.kernel import Kernel
+from lfcore.opencl.programs import Program
 from lfcore.tracing.given_rays import records_of
 from lfcore.tracing.layouts import RAY_HIT
 

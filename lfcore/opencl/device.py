@@ -1,4 +1,4 @@
-"""Choose an OpenCL device and build programs for it."""
+"""The choice of an OpenCL device, and its memory."""
 
 import atexit
 import functools
@@ -7,21 +7,18 @@ import mmap
 import os
 import shutil
 import tempfile
-import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from numbers import Integral
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lfcore.errors import DeviceError, check_kind
 from lfcore.opencl import drivers, program_cache
-from lfcore.opencl.interface import SHARED, Interface
 from lfcore.timing import processors
 
 drivers.prepare()
@@ -39,7 +36,6 @@ warnings.filterwarnings("ignore", category=cl.CompilerWarning)
 warnings.filterwarnings("ignore", message="Pre-build attribute access")
 
 PAGE = 4096
-PACKAGE = Path(__file__).parent.parent
 _REMEDY = (
     "Install a driver, e.g. 'pip install intel-opencl-rt intel-cmplr-lib-rt' on Linux x86-64, or "
     "the distribution's pocl-opencl-icd"
@@ -225,13 +221,13 @@ def all_devices() -> list[cl.Device]:
 def _fault(device: cl.Device) -> str:
     """The reason why a device cannot build a one-line kernel; empty if it can."""
     try:
-        _compile(_context(device), "kernel void one(global int *x) { *x = 1; }", (), ())
+        compiled(_context(device), "kernel void one(global int *x) { *x = 1; }", (), ())
     except cl.Error as error:
-        return f"{name_of(device)} cannot build a kernel: {_reason(error)}"
+        return f"{name_of(device)} cannot build a kernel: {reason_of(error)}"
     return ""
 
 
-def _reason(error: cl.Error) -> str:
+def reason_of(error: cl.Error) -> str:
     """The compiler's first error, or the driver's first line."""
     lines = str(error).splitlines()
     return next((line for line in lines if "error:" in line), lines[0]).strip()
@@ -310,79 +306,6 @@ def _choose(name: str | None) -> cl.Device:
     raise DeviceError(f"no OpenCL device is named like {name!r}", key=key, remedy=f"Found: {names}")
 
 
-Program = tuple[Sequence[str], Mapping[str, object], Interface]
-"""The arguments of :func:`build_program` after the device."""
-
-
-def build_program(
-    device: Device,
-    files: Sequence[str],
-    defines: Mapping[str, object] | None = None,
-    interface: Interface = SHARED,
-) -> cl.Program:
-    """Build kernel ``files`` (paths below ``lfcore/``) with ``-D`` ``defines`` after the header of
-    an ``interface``, whose folders have the included files.
-
-    Programs are cached on disk (:mod:`lfcore.opencl.program_cache`) and in the process.  Raises
-    :class:`DeviceError` with the compiler's first error; its whole text is in the cause.
-    """
-    arguments = _arguments(device, files, defines, interface)
-    if early := _early.pop(arguments, None):
-        thread, end = early
-        while thread.is_alive() and not end.wait(1):  # it is not alive in a forked process
-            pass
-    try:
-        return _compile(*arguments)
-    except cl.Error as error:
-        problem = f"{device.name} cannot build {', '.join(files)}: {_reason(error)}"
-        raise DeviceError(problem, remedy=UPDATE) from error
-
-
-def build_early(device: Device, programs: Sequence[Program]) -> None:
-    """Start to build programs, one after another, beside what comes before :func:`build_program`
-    with the same arguments, which waits for its program and raises its errors."""
-    each = [_arguments(device, *program) for program in programs]
-
-    def build() -> None:
-        for arguments, done in zip(each, ends, strict=True):
-            with suppress(Exception):
-                _compile(*arguments)
-            done.set()
-
-    thread = threading.Thread(target=build)
-    ends = [threading.Event() for _ in each]
-    _early.update(zip(each, [(thread, end) for end in ends], strict=True))
-    thread.start()
-
-
-_early: dict[tuple, tuple[threading.Thread, threading.Event]] = {}
-"""The threads of :func:`build_early` and what ends each program, by arguments of
-:func:`_compile`."""
-
-
-def _arguments(
-    device: Device,
-    files: Sequence[str],
-    defines: Mapping[str, object] | None,
-    interface: Interface,
-) -> tuple[cl.Context, str, tuple[str, ...], tuple[str, ...]]:
-    """The arguments of :func:`_compile`."""
-    values = {"LANES": device.lanes, **(defines or {})}
-    options = [
-        f"-D{key}={int(value) if isinstance(value, bool) else value}"
-        for key, value in sorted(values.items())
-    ]
-    folders = {str((PACKAGE / file).parent) for file in files}
-    folders |= {str(PACKAGE / folder) for folder in interface.folders}
-    if device.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
-        options.append("-cl-fp32-correctly-rounded-divide-sqrt")
-    source = "\n".join(f'#include "{Path(file).name}"' for file in files)
-    # A plain "inline" function is also compiled separately: 0.3 s per program of the tracer.
-    static = "#define inline static inline\n"
-    source = f"#pragma OPENCL FP_CONTRACT OFF\n{static}{interface.header}{source}\n"
-    return device.context, source, tuple(options), tuple(sorted(folders))
-
-
 @functools.cache
 def _context(device: cl.Device) -> cl.Context:
     """The process's context of a device: programs belong to a context."""
@@ -390,7 +313,7 @@ def _context(device: cl.Device) -> cl.Context:
 
 
 @functools.lru_cache(maxsize=128)
-def _compile(
+def compiled(
     context: cl.Context, source: str, options: tuple[str, ...], folders: tuple[str, ...]
 ) -> cl.Program:
     """A program of ``source``, whose includes are in ``folders``, from the cache or built."""
@@ -416,4 +339,4 @@ def _compile(
 
 def programs_made() -> int:
     """The number of programs that this process has built or loaded."""
-    return _compile.cache_info().misses
+    return compiled.cache_info().misses

@@ -3,8 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from lfcore.opencl.device import Device, build_program, cl
+from lfcore.opencl.device import Device, cl
 from lfcore.opencl.interface import FLOAT, INT, UINT, Interface
+from lfcore.opencl.programs import build_program
 
 _NUMBERS: dict[str, Any] = {"const int ": INT, "const uint ": UINT, "const float ": FLOAT}
 

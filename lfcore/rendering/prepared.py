@@ -4,7 +4,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
-from lfcore.opencl.device import Device, build_early, open_device
+from lfcore.opencl.device import Device, open_device
+from lfcore.opencl.programs import build_early
 from lfcore.progress import BAKING, Progress, stage
 from lfcore.rendering.exposure import ExposedTracer, shifted
 from lfcore.scene.baked import NO_SKY

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.opencl.device import Program, cl
+from lfcore.opencl.device import cl
 from lfcore.opencl.interface import BLOCK, record
 from lfcore.opencl.kernel import Kernel
+from lfcore.opencl.programs import Program
 from lfcore.optics.bundles import Bundles
 from lfcore.scene.needs import Needs
 from lfcore.tracing.device_scene import DeviceScene

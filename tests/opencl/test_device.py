@@ -14,9 +14,10 @@ from plain_scenes import refused
 
 from lfcore import DeviceError
 from lfcore.opencl import device as devices
-from lfcore.opencl import drivers, program_cache
-from lfcore.opencl.device import build_early, build_program, cl, open_device
+from lfcore.opencl import drivers, program_cache, programs
+from lfcore.opencl.device import cl, open_device
 from lfcore.opencl.interface import SHARED
+from lfcore.opencl.programs import build_early, build_program
 from lfcore.progress import watching
 
 IMPORTS = """
@@ -184,11 +185,11 @@ def test_early_programs_are_those_that_are_built_later(monkeypatch):
 
 @pytest.mark.kernels
 def test_a_forked_process_does_not_wait_for_early_programs(monkeypatch):
-    arguments = devices._arguments(open_device(), [LANES], {"FORKED": 1}, SHARED)
+    arguments = programs._arguments(open_device(), [LANES], {"FORKED": 1}, SHARED)
     ended = threading.Thread(target=int)
     ended.start()
     ended.join()
-    monkeypatch.setitem(devices._early, arguments, (ended, threading.Event()))
+    monkeypatch.setitem(programs._early, arguments, (ended, threading.Event()))
     assert isinstance(build_program(open_device(), [LANES], {"FORKED": 1}), cl.Program)
 
 
@@ -236,8 +237,8 @@ def cache(tmp_path, monkeypatch):
 
 def twice(device, source=SOURCE):
     """21, doubled by a program that is not in this process's memory."""
-    devices._compile.cache_clear()
-    program = devices._compile(device.context, source, (), ())
+    devices.compiled.cache_clear()
+    program = devices.compiled(device.context, source, (), ())
     number, buffer = np.array([21], np.int32), device.writable(np.array([21], np.int32))
     cl.Kernel(program, "twice")(device.queue, (1,), None, buffer)
     cl.enqueue_copy(device.queue, number, buffer)
@@ -275,7 +276,7 @@ def test_entries_that_were_exchanged_are_built_again(device, cache):
     other = SOURCE.replace("twice", "thrice")
     assert twice(device) == 42
     (first,) = entries(cache)
-    devices._compile(device.context, other, (), ())
+    devices.compiled(device.context, other, (), ())
     (second,) = set(entries(cache)) - {first}
     one, two = first.read_bytes(), second.read_bytes()
     first.write_bytes(two)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from lfcore.baking import gather
-from lfcore.opencl.device import PACKAGE, build_program, cl
+from lfcore.opencl.device import cl
 from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, record, write
 from lfcore.opencl.kernel import Kernel
+from lfcore.opencl.programs import PACKAGE, build_program
 from lfcore.refocus import depth_program, free_views, plane_former, shift_sum, stored_views
 from lfcore.refocus.array import device_field
 from lfcore.storage import frame_memory

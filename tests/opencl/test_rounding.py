@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfcore.opencl.device import build_program, cl, open_device
+from lfcore.opencl.device import cl, open_device
+from lfcore.opencl.programs import build_program
 
 pytestmark = pytest.mark.kernels
 

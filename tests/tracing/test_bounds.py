@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from tracing_scenes import scene
 
-from lfcore.opencl.device import build_program, cl
+from lfcore.opencl.device import cl
+from lfcore.opencl.programs import build_program
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.layouts import INTERFACE
