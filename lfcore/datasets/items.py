@@ -24,6 +24,7 @@ from lfcore.colour import srgb_codes
 from lfcore.datasets import views
 from lfcore.datasets.description import Description
 from lfcore.datasets.looks import BACKDROP
+from lfcore.datasets.metering import metered
 from lfcore.datasets.sample import Sample, sample
 from lfcore.datasets.stored import Finished, members, of_instant, write_tar
 from lfcore.errors import OpticsError, SceneError
@@ -134,12 +135,14 @@ def make_item(
     watch, times = Stopwatch(clock=time.process_time), description.frames.times
     with watch.part("scene"):
         drawn = sample(description, index)
-        tracer = open_tracer(drawn.scene, device) if len(times) == 1 else None
+        scene, stops = metered(drawn.scene, device) if drawn.is_room else (drawn.scene, 0)
+        tracer = open_tracer(scene, device) if len(times) == 1 else None
     instants, before = list[Item](), None
-    for now in [tracer] if tracer else tracers_at(drawn.scene, times, device):
+    for now in [tracer] if tracer else tracers_at(scene, times, device):
         exposed = instants[-1]._exposed if instants else 0  # noise differs between instants
         item = Item(description, encoded, watch=watch, _exposed=exposed)
         _fill(item, description, now, drawn, index, made_of)
+        item.record["exposure_ev"] = stops
         if before:
             _add_flow(instants[-1], description, before, now)
         instants.append(item)

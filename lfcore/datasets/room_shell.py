@@ -48,6 +48,19 @@ class Box(NamedTuple):
         points = np.array([(x0, 0, z0, 1), (x1, 0, z0, 1), (x1, 0, z1, 1), (x0, 0, z1, 1)])
         return (points @ self.pose.T)[:, [0, 2]]
 
+    def depths(self, eye: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """Return the depths (R,) at which rays from ``eye`` to ``towards`` (R, 3) enter the box
+        that stands on the rectangle; infinity for a miss."""
+        origin = self.pose[:3, :3].T @ (eye - self.pose[:3, 3])
+        directions = towards @ self.pose[:3, :3]
+        ends = np.array(
+            [(self.low[0], 0.0, self.low[1]), (self.high[0], self.height, self.high[1])]
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossed = np.sort((ends[:, None] - origin) / directions, axis=0)
+        enters, leaves = np.nanmax(crossed[0], axis=1), np.nanmin(crossed[1], axis=1)
+        return np.where((leaves > enters) & (leaves > 0), np.maximum(enters, 0.0), np.inf)
+
     def meets(self, other: Box, gap: float = GAP_M) -> bool:
         """Return whether two rectangles are nearer than ``gap``, by separating axes."""
         a, b = self.corners(), other.corners()
@@ -77,6 +90,8 @@ class Shell:
         self.owners: list[int] = []
         """The object of each part, from 1; 0: the room itself."""
         self.boxes: list[Box] = []
+        self.small_boxes: list[Box] = []
+        """Around things on furniture."""
         self.tops: list[tuple[np.ndarray, tuple[float, ...]]] = []
         self.names: list[str] = []
         self.things: list[Thing] = []

@@ -26,6 +26,7 @@ SMALL = ("ball", "block", "blob", "cone", "ring", "vase", "tower", "book", "glob
          "bottle", "tumbler", "goblet", "bowl", "pan")  # fmt: skip
 """The shapes that stand on furniture."""
 RADII_M = {
+    "ball": (0.04, 0.1),
     "vase": (0.1, 0.2), "book": (0.13, 0.17), "globe": (0.12, 0.18), "lamp": (0.2, 0.28),
     "bottle": (0.13, 0.17), "tumbler": (0.05, 0.075), "goblet": (0.085, 0.11), "bowl": (0.08, 0.14),
     "pan": (0.18, 0.24),
@@ -229,7 +230,7 @@ class Room(Shell):
             circles: list[tuple[float, float, float]] = []
             for _ in range(1 + int(6 * (x1 - x0) * (0.4 + self.rng.random()))):
                 shape = self.draw.shape(SMALL)
-                low, high = RADII_M.get(shape.name, (0.05, 0.17))
+                low, high = RADII_M.get(shape.name, (0.04, 0.13))
                 most = min((z1 - z0) / 2, (x1 - x0) / 2)
                 if low > most:
                     continue
@@ -241,7 +242,10 @@ class Room(Shell):
                     )
                     if all(math.hypot(x - a, z - b) > radius + r + 0.005 for a, b, r in circles):
                         circles.append((x, z, radius))
-                        self._stand(shape, pose @ translate(x, y + 5e-4, z), radius)
+                        place = pose @ translate(x, y + 5e-4, z)
+                        self._stand(shape, place, radius)
+                        side = np.array([radius, radius]) * 0.7  # most things do not fill spheres
+                        self.small_boxes.append(Box(place, -side, side, 1.4 * radius))
                         break
         for _ in range(int(self.rng.integers(2, 7))):
             radius, shape = self.uniform(0.08, 0.3), self.draw.shape(ON_FLOOR)

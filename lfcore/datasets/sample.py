@@ -75,13 +75,14 @@ def sample_scene(description: Description | str | Path | Mapping[str, Any], inde
 
 class Sample(NamedTuple):
     """A scene, the names of its objects, the files that cannot be read, with the reason, the object
-    of each triangle, (T,) int32 from 1; 0 is behind all; and what moves."""
+    of each triangle, (T,) int32 from 1; 0 is behind all; what moves; whether it is a room."""
 
     scene: Scene
     objects: list[str]
     dropped: dict[str, str]
     owners: np.ndarray
     moves: tuple[Movement, ...] = ()
+    is_room: bool = False
 
 
 def sample(source: Description | str | Path | Mapping[str, Any], index: int) -> Sample:
@@ -184,7 +185,7 @@ class Draw(Looks):
         room = rooms.Room(self)
         room.add_shell()
         room.furnish()
-        to_camera = room_views.camera_of(room)
+        to_camera = room_views.camera_of(room, self.field(camera))
         lights, sky = room_views.light_of(room, to_camera)
         name = f"{self.description.name}-{index:06d}"
         made = assemble(room.parts, to_camera)
@@ -194,7 +195,7 @@ class Draw(Looks):
         )  # fmt: skip
         scene = within_limits(with_sky(scene, sky, to_camera, file=name), name)
         owners = _owners(room.owners, room.parts, made.kept)
-        drawn = Sample(scene, room.names, self.dropped, owners)
+        drawn = Sample(scene, room.names, self.dropped, owners, is_room=True)
         made_of = np.repeat(room.owners, [part.count for part in room.parts]), made.kept
         return self._moving(index, drawn, room.things, made_of, to_camera, True, None)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 from weakref import WeakKeyDictionary
 
 from lfcore.opencl.device import Device, open_device
@@ -25,6 +26,13 @@ def hierarchy_of(scene: Scene) -> Bvh:
     if scene not in _built:
         _built[scene] = build_bvh(scene.triangles)
     return _built[scene]
+
+
+def relit(scene: Scene, **fields: Any) -> Scene:
+    """The scene with other lights or materials, and with the hierarchy that it has."""
+    made = replace(scene, **fields)
+    _built[made] = hierarchy_of(scene)
+    return made
 
 
 def opened(device: Device | str | None) -> Device:

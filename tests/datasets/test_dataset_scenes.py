@@ -1,6 +1,5 @@
 """Descriptions that are refused, and scenes that depend on seed and index alone."""
 
-import functools
 import json
 from pathlib import Path
 
@@ -16,9 +15,7 @@ from lfcore.datasets.card import RECORDS, tables, write_report
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch
 from lfcore.datasets.looks import BACKDROP
-from lfcore.datasets.room_views import camera_of
-from lfcore.datasets.rooms import SMALL, Room
-from lfcore.datasets.sample import Draw, lens_of, sample
+from lfcore.datasets.sample import lens_of, sample
 from lfcore.scene.files import scene_digest
 from lfcore.scene.procedural import vessels
 from lfcore.scene.surface_mesh import Surface
@@ -127,63 +124,6 @@ def test_objects_are_apart_before_the_wall_and_on_the_floor(share_resting):
             assert -1e-5 < heights.min() < 1e-3
         else:
             assert objects[:, 2].max() <= wall[:, 2].min() + 1e-4
-
-
-@functools.cache
-def room(index):
-    """The room before it is a scene, and its camera."""
-    of = Description.check(PLAIN | {"placement": {"share_rooms": 1}})
-    seeds = np.random.SeedSequence(of.seed, spawn_key=(1 << 30, index))
-    made = Room(Draw(of, np.random.Generator(np.random.Philox(seeds))))
-    made.add_shell()
-    made.furnish()
-    return made, camera_of(made)
-
-
-@pytest.mark.parametrize("index", range(4))
-def test_furniture_of_a_room_is_apart_within_the_walls_and_the_camera_is_free(index):
-    made, to_camera = room(index)
-    eye = np.linalg.inv(to_camera)[:3, 3]
-    half = np.array([made.width / 2, made.height, made.depth / 2])
-    assert (np.abs(eye) < half).all() and len(made.names) >= 8
-    points = {}
-    for owner, part in zip(made.owners, made.parts, strict=True):
-        points.setdefault(owner, []).append(part.triangles.reshape(-1, 3))
-    # Things on the floor or on furniture: above the floor, in the room, and not on the camera.
-    for owner, pieces in points.items():
-        if owner and made.names[owner - 1] not in ("print", "mirror"):
-            corners = np.concatenate(pieces)
-            low, high = corners.min(0), corners.max(0)
-            assert low[1] > -0.01 and high[1] < made.height
-            assert (np.abs(corners[:, [0, 2]]) < half[[0, 2]] + 1e-3).all(), made.names[owner - 1]
-            assert ((eye < low - 0.05) | (eye > high + 0.05)).any() or len(corners) > 1e4
-    for number, box in enumerate(made.boxes):
-        assert not any(box.meets(other, 0.0) for other in made.boxes[:number])
-    # Each thing on furniture touches its top and no other thing.
-    for pose, (x0, x1, z0, z1, y) in made.tops:
-        on_top = [
-            (np.concatenate(pieces) - pose[:3, 3]) @ pose[:3, :3]
-            for owner, pieces in points.items()
-            if owner and made.names[owner - 1] in SMALL
-        ]
-        on_top = [p for p in on_top if abs(p[:, 1].min() - y) < 2e-3 and x0 < p[:, 0].mean() < x1
-                  and z0 < p[:, 2].mean() < z1]  # fmt: skip
-        for number, one in enumerate(on_top):
-            assert one[:, 0].min() > x0 - 1e-3 and one[:, 0].max() < x1 + 1e-3
-            for other in on_top[:number]:
-                apart = (one.min(0) > other.max(0)) | (one.max(0) < other.min(0))
-                centres = np.linalg.norm(one.mean(0) - other.mean(0))
-                assert apart[[0, 2]].any() or centres > 0.08
-
-
-def test_a_room_is_a_scene_with_sky_lamps_and_an_owner_per_triangle():
-    of = PLAIN | {"placement": {"share_rooms": 1}}
-    scene, names, _, owners, _ = sample(of, 1)
-    assert scene.bake is not None and scene.sky.size and scene.lights
-    assert owners.shape == scene.material_ids.shape and owners.max() == len(names)
-    kinds = np.array([m.name for m in scene.materials])[scene.material_ids]
-    assert {"wall", "floor", "ceiling", "ground"} <= set(kinds[owners == 0])
-    assert scene_digest(sample(of, 1).scene) == scene_digest(scene)
 
 
 @pytest.mark.parametrize("kind", ["sun", "point", "spot"])
