@@ -25,6 +25,7 @@ from lfcore.errors import OpticsError
 from lfcore.evaluation.true_picture import inner_psnr
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import lens_cells, views_of
+from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.rendering.by_depth import pictures_by_depth, traced_views
 from lfcore.rendering.direct import focused_camera
@@ -88,17 +89,19 @@ def least_clocked(run: Callable) -> tuple:
 
 
 def true_picture(
-    tracer: Tracer, plane: SensorPlane, pixels: int, lattice: Lattice = TRUTH
+    tracer: Tracer, plane: SensorPlane, pixels: Pixels, lattice: Lattice = TRUTH
 ) -> np.ndarray:
-    """Return (M, M, 3) float32 linear light, traced at the plane's focus."""
+    """Return (H, W, 3) float32 linear light, traced at the plane's focus."""
+    width, height = Size.of(pixels)
+    longer = max(width, height)
     slab = Slab.of(focused_camera(tracer.scene.camera, plane), lattice, pixels)
     views, side = views_of(slab, displaced=True), round(lattice.subpixels)
     share = lens_cells(slab, plane.lens_aperture(slab)).share
-    order, total = np.flatnonzero(share), np.zeros((pixels, pixels, 3))
+    order, total = np.flatnonzero(share), np.zeros((height, width, 3))
     most = np.inf if tracer.needs.stops else 1
-    for part, _, parts in traced_views(tracer, views, pixels, TRUTH_FOOTPRINT_PX, order=order):
+    for part, _, parts in traced_views(tracer, views, longer, TRUTH_FOOTPRINT_PX, order=order):
         light = sum(light for light, _ in parts)
-        blocks = np.clip(light, 0, most).reshape(-1, pixels, side, pixels, side, 3)
+        blocks = np.clip(light, 0, most).reshape(-1, height, side, width, side, 3)
         total += np.tensordot(share[order[part]], blocks.mean(axis=(2, 4)), 1)
     return (total / share.sum()).astype(np.float32)
 

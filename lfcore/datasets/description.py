@@ -114,7 +114,9 @@ class Lights(_Keys):
     strength: span(0, 100) = _key((0.6, 1.4, "even"), description="irradiance of all together")
     elevation_deg: span(5, 90) = _key((20, 80, "even"), description="elevation of lights, degrees")
     ambient: span(0, 10) = _key((0.1, 0.3, "even"), description="light without direction")
-    share_sky: Share = _key(0.0, description="of scenes lit by a baked sky in place of ambient")
+    share_sky: Share = _key(
+        0.5, description="of scenes lit by a baked sky; others have even ambient light"
+    )
 
 
 class Lens(_Keys):

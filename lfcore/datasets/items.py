@@ -136,6 +136,7 @@ def make_item(
     with watch.part("scene"):
         drawn = sample(description, index)
         scene, stops = metered(drawn.scene, device) if drawn.is_room else (drawn.scene, 0)
+        drawn = drawn._replace(scene=scene)
         tracer = open_tracer(scene, device) if len(times) == 1 else None
     instants, before = list[Item](), None
     for now in [tracer] if tracer else tracers_at(scene, times, device):

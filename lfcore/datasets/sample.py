@@ -37,6 +37,8 @@ TRIES = 40
 """The positions that are tried before an object is left out."""
 CONE = (math.cos(math.radians(8)), math.cos(math.radians(20)))
 """The cosines of the angles at which spots begin to fade and are dark."""
+SKY_SIDE = 32
+"""The texels per side of a sky's map: skies are smooth, and large maps take a second."""
 BAKE = BakeOptions(bounces=1, error=0.05)
 """The bake of scenes with a sky."""
 
@@ -168,10 +170,11 @@ class Draw(Looks):
             ambient=triple(self.span(keys.lights.ambient) * self.tint()),
             focus_distances_m=focus_m, **made.arrays,
         )  # fmt: skip
-        if self.chance(keys.lights.share_sky):
-            horizon = np.array(scene.ambient)
-            ends = {"horizon": horizon.tolist(), "zenith": (horizon * (0.8, 1.2, 2)).tolist()}
-            scene = with_sky(replace(scene, bake=BAKE), ends, to_camera, file=scene.name)
+        # Metal and glass show the sky also where it is not baked.
+        scene = replace(scene, bake=BAKE if self.chance(keys.lights.share_sky) else None)
+        horizon = np.array(scene.ambient)
+        ends = {"horizon": horizon.tolist(), "zenith": (horizon * (0.8, 1.2, 2)).tolist()}
+        scene = with_sky(scene, ends, to_camera, file=scene.name, gradient_side=SKY_SIDE)
         scene = within_limits(scene, scene.name)
 
         def fits(middle: np.ndarray, radius: float, others: Any) -> bool:
@@ -193,7 +196,8 @@ class Draw(Looks):
             name=name, camera=camera, lights=lights, ambient=(0.0, 0.0, 0.0), bake=room_views.BAKE,
             focus_distances_m=focus_m, **made.arrays,
         )  # fmt: skip
-        scene = within_limits(with_sky(scene, sky, to_camera, file=name), name)
+        scene = with_sky(scene, sky, to_camera, file=name, gradient_side=SKY_SIDE)
+        scene = within_limits(scene, name)
         owners = _owners(room.owners, room.parts, made.kept)
         drawn = Sample(scene, room.names, self.dropped, owners, is_room=True)
         made_of = np.repeat(room.owners, [part.count for part in room.parts]), made.kept

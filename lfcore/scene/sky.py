@@ -218,7 +218,10 @@ def rounded(values: np.ndarray) -> np.ndarray:
     return np.ldexp(np.rint(mantissa * 4096) / 4096, exponent)
 
 
-def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path) -> Scene:
+def with_sky(
+    scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path,
+    gradient_side: int = GRADIENT_SIDE,
+) -> Scene:  # fmt: skip
     """The scene under the checked ``sky`` of a scene.yaml, and lit by its suns; ``to_camera`` turns
     the world, y up."""
     # Imported here: modules that make the kernels' header import this one.
@@ -238,10 +241,10 @@ def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: st
             np.multiply(parse_colour(description[end]), strength) for end in ("horizon", "zenith")
         ]
         # Above the horizon, radiance is linear in the sine of the elevation; below, it is constant.
-        rows = (np.arange(GRADIENT_SIDE) + 0.5) / GRADIENT_SIDE
+        rows = (np.arange(gradient_side) + 0.5) / gradient_side
         up = np.maximum(np.cos(rows * math.pi), 0)[:, None]
         column = (ends[0] + up * (ends[1] - ends[0])).astype(np.float32)
-        panorama, side = np.repeat(column[:, None], 2 * GRADIENT_SIDE, axis=1), GRADIENT_SIDE
+        panorama, side = np.repeat(column[:, None], 2 * gradient_side, axis=1), gradient_side
     turned = math.radians(description.get("rotation_deg", 0.0))
     places = partial(panorama_places, turned=turned)
     return under(scene, octahedral(panorama, to_camera[:3, :3].T, places, side))

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.kernels
 SMALL = {
     "name": "small", "kind": "focal_stacks", "pixels": 48, "quality_db": 32,
     "scenes": {"train": 2, "validation": 1}, "placement": {"objects": [4, 6], "size": [0.3, 0.6]},
-    "shapes": {"builders": ["ball", "ring", "book"]},
+    "shapes": {"builders": ["ball", "ring", "book"]}, "lights": {"share_sky": 0},
 }  # fmt: skip
 
 

@@ -128,7 +128,10 @@ def test_objects_are_apart_before_the_wall_and_on_the_floor(share_resting):
 
 @pytest.mark.parametrize("kind", ["sun", "point", "spot"])
 def test_lamps_shine_from_above_on_the_middle_of_the_scene(kind):
-    of = PLAIN | {"lights": {"kinds": [kind], "strength": 1}, "placement": {"share_resting": 0}}
+    of = PLAIN | {
+        "lights": {"kinds": [kind], "strength": 1, "share_sky": 0},
+        "placement": {"share_resting": 0},
+    }
     for index in range(4):
         scene, *_ = sample(of, index)
         assert not scene.bake

@@ -247,6 +247,17 @@ def test_a_mirror_shows_the_sky_and_an_even_sky_is_kept():
     assert abs(even - 1).max() < 1e-3
 
 
+def test_metal_under_a_sky_without_baked_light_reflects_ambient_light(device):
+    metal = lfcore.Surface("metal", (0.8, 0.5, 0.2), metallic=1.0, roughness=0.5)
+    corners = [[[-9, -9, 2], [9, -9, 2], [0, 9, 2]]]
+    plain = lfcore.Scene.from_triangles(corners, surface=metal, ambient=(0.3, 0.3, 0.3))
+    sky = replace(plain, sky=np.full((4, 4, 3), 2, np.float32))
+    rays = bundles.views(Slab(plain.camera, 1, 16), np.array([[0, 0]]))
+    expected, found = (tracer_of(one, device).bundle_radiance(rays) for one in (plain, sky))
+    assert expected[0, 8, 8].min() > 0.03
+    np.testing.assert_array_equal(found, expected)
+
+
 def test_a_scene_at_another_instant_keeps_textures_and_light_on_the_device(device):
     texture = np.random.default_rng(2).integers(0, 256, (8, 8, 3)).astype(np.uint8)
     for world in (curved([SUN], texture=texture), baked(soup(40, 3))):

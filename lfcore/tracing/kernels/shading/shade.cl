@@ -69,7 +69,7 @@ inline Vec ambient_share(const Surface *s)
 inline Vec ambient_and_emission(const Scene *scene, const Surface *s)
 {
     const Vec ambient = BAKED ? s->light : spread3(vload3(0, scene->numbers->ambient));
-    if (SKY && PHYSICAL && is_metallic(s->material))
+    if (SKY && BAKED && PHYSICAL && is_metallic(s->material))
         return plus3(reflect_sky(scene, s), emission_of(s));
     return plus3(times3(ambient_share(s), ambient), emission_of(s));
 }
