@@ -127,10 +127,10 @@ def light_of(room: Room, to_camera: np.ndarray) -> tuple[list[Light], dict[str, 
         is_spot = reach > 1
         lights.append(replace(lamp, normal=triple(down), cone=CONE) if is_spot else lamp)
     bright = 0.02 if night else room.uniform(2.5, 5.0)
-    tint = np.array([1.0, room.uniform(0.93, 1.0), room.uniform(0.85, 1.0)])
+    warm = room.uniform(0.0, 0.15)  # green lies between red and blue, or skies were lilac
     sky = {
-        "horizon": (bright * tint).tolist(),
-        "zenith": (bright * tint * (0.5, 0.7, 1.1)).tolist(),
+        "horizon": (bright * np.array([1.0, 1 - warm / 2, 1 - warm])).tolist(),
+        "zenith": (bright * np.array([0.45, 0.7, 1.1])).tolist(),
     }
     if not night and room.rng.random() < 0.6:
         number, _ = room.windows[0]

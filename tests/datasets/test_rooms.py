@@ -72,6 +72,8 @@ def test_a_room_is_a_scene_with_sky_lamps_and_an_owner_per_triangle():
     of = PLAIN | {"placement": {"share_rooms": 1}}
     scene, names, _, owners, *_ = sample(of, 1)
     assert scene.bake is not None and scene.sky.size and scene.lights
+    red, green, blue = scene.sky.reshape(-1, 3).T
+    assert (green > 0.97 * np.minimum(red, blue)).all()  # not lilac
     assert owners.shape == scene.material_ids.shape and owners.max() == len(names)
     kinds = np.array([m.name for m in scene.materials])[scene.material_ids]
     assert {"wall", "floor", "ceiling", "ground"} <= set(kinds[owners == 0])
