@@ -16,6 +16,7 @@ BOUNDS = {
     r"atomic_inc\(next\w*\)": "a piece of work: the counter only grows",
     r"next_span\(": "a ray of a block: a span takes the nearest (test_bounds.py)",
     r"left && row_inside|left = row_bits\(": "a bit of the mask: turns clear the lowest",
+    r"count = paths->going": "a hit of each path, of at most MOST_HITS (paths.cl)",
     r"^bits$": "a bit of the mask: each turn clears the highest",
 }
 """What a turn of the other loops uses up, by the loop's head."""
