@@ -64,7 +64,7 @@ class PlaneBuffers:
         self._sums = device.zeros(8 * math.prod(self._shape))
         self._tables = {name: device.buffer(array) for name, array in tables.arrays.items()}
 
-    def arguments(self, **rays: int) -> dict[str, Any]:
+    def arguments(self, **rays: float) -> dict[str, Any]:
         """Arguments of the kernels that form planes; ``rays`` are PLANE_ARGUMENTS of the rays."""
         slab, (left, top, width, height) = self.slab, self.tables.region
         column, row, columns, rows = slab.held.pixels

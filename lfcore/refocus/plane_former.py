@@ -12,14 +12,14 @@ import numpy as np
 from lfcore.opencl.device import Device, open_device
 from lfcore.opencl.interface import BLOCK, Interface
 from lfcore.opencl.kernel import Kernel
-from lfcore.optics.plane_sums import PlaneSums, one_of_sums
+from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS, PlaneSums, one_of_sums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus import fixed_light, strip_tables
 from lfcore.refocus.plane_buffers import PlaneBuffers
 from lfcore.refocus.plane_tables import PLANE, PLANE_ARGUMENTS, VIEW_KERNEL, view_tables
 from lfcore.storage import frame_memory
-from lfcore.storage.layout import Tile
+from lfcore.storage.layout import PQ_ONE, Tile
 
 INTERFACE = (
     fixed_light.INTERFACE
@@ -60,13 +60,16 @@ class PlaneFormer:
             plane.check(slab)
         self.tile, self.device, self._traced = tile, device or open_device(), stops is not None
         layout, views = tile.layout, tile.layout.kind == "views"
-        defines = layout.defines | {"TRACED": 0} if stops is None else {"TRACED": 1, "STOPS": stops}
+        defines = layout.defines if stops is None else {}
+        defines["TRACED"] = int(self._traced)
+        wide = layout.peak is not None if stops is None else stops > 0
         if not views:
             # Samples are bytes: 16 lanes are faster than 8, even if they take two registers.
             defines["LANES"] = 16 if self.device.lanes > 1 else 1
+            defines["WIDE_SUMS"] = int(wide)
         file, name = FILES[layout.kind]
         self._kernel = Kernel(self.device, [file], name, defines, INTERFACE)
-        planes, wide = list(planes), layout.peak is not None if stops is None else stops > 0
+        planes = list(planes)
         if views:
             tables, self._words = view_tables(slab, planes), BLOCK_WORDS
         else:
@@ -74,6 +77,11 @@ class PlaneFormer:
             tables = strip_tables.strip_tables(slab, planes, ends)
             self._words = strip_tables.table_words(slab.views) * (2 if wide else 1)
         one = layout.one if stops is None else one_of_sums(stops)
+        decoded = FIXED_ONE if layout.peak is None else PQ_ONE
+        self._light = {
+            "brightest": 2.0 ** (stops or 0), "coarse": (stops or 0) > SPARE_STOPS,
+            "one": decoded if stops is None else one,
+        }  # fmt: skip
         self._sums = PlaneBuffers(self.device, slab, planes, tables, one)
         self._scratch = self.device.empty(4 * self._words * self._sums.workers)
         self._placements = frame_memory.placements_of(tile, slab)
@@ -110,6 +118,7 @@ class PlaneFormer:
         arguments = self._sums.arguments(
             elements=len(placements), rays_width=width, rays_height=height,
             halved=form.subsampling > 1, is_rgb=form.rgb, scratch_words=self._words,
+            **self._light,
         )  # fmt: skip
         self._kernel(
             self._sums.workers, rays=device.shared(np.ascontiguousarray(rays)),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.opencl.interface import INT, given, read, write
+from lfcore.opencl.interface import FLOAT, INT, given, read, write
 from lfcore.optics.plane_sums import shown, targets
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Ends, Rectangle, Slab
@@ -30,6 +30,9 @@ PLANE_ARGUMENTS = np.dtype([
     ("rays_height", INT),
     ("halved", INT),  # of frames: whether chroma has half the width and height
     ("is_rgb", INT),
+    ("brightest", FLOAT),  # traced light
+    ("one", FLOAT),  # light 1 in fixed point
+    ("coarse", INT),  # whether sums give up last bits
     ("scratch_words", INT),  # of a worker
 ])  # fmt: skip
 """The arguments of kernels that form planes."""

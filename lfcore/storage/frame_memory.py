@@ -34,6 +34,7 @@ FRAME_FORMAT = np.dtype([
     ("height", INT),
     ("subsampling", INT),  # of chroma: 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
     ("rgb", INT),
+    ("peak", FLOAT),  # light of the brightest code of PQ; 0 for sRGB
 ])  # fmt: skip
 ENCODED_RAYS = np.dtype([
     ("columns", INT),  # of the rays of an element
@@ -41,6 +42,7 @@ ENCODED_RAYS = np.dtype([
     ("first_row", INT),  # of these rows in the whole elements
     ("far", FLOAT),  # the inverse depth of code 0, 1/m
     ("steps", FLOAT),  # codes per dioptre
+    ("last_code", FLOAT),
 ])  # fmt: skip
 # light (E, rows, columns, 3) is linear, depth (E, rows, columns) in metres; placements (E,);
 # scratch has COLOURS for each work-item.
@@ -121,6 +123,7 @@ class FrameMemory:
         return record(
             FRAME_FORMAT, width=layout.frame_width, height=layout.frame_height,
             subsampling=layout.format.subsampling, rgb=layout.format.rgb,
+            peak=layout.peak or 0,
         )  # fmt: skip
 
 
@@ -139,13 +142,11 @@ class FrameWriter:
         layout, self._device, self._codes = tile.layout, device, codes
         self._tiles = [tile]
         defines: dict[str, object] = {"BITS": layout.format.bits}
-        defines |= {"PEAK": layout.peak or 0, "DEPTH": int(codes is not None)}
         defines["CODE"] = "uchar"
         if codes:
             grey = replace(layout, pixel_format=codes.pixel_format, peak=None)
             self._tiles.append(replace(tile, layout=grey))
             defines["CODE"] = "uchar" if codes.format.bits == 8 else "ushort"
-            defines["LAST_CODE"] = codes.last
         memory = [FrameMemory(device, part.layout, frames) for part in self._tiles]
         self.colours, self.depths = memory[0], memory[1] if codes else None
         self._memory, self.count = memory, 0
@@ -176,7 +177,13 @@ class FrameWriter:
         )  # fmt: skip
         far, steps = (codes.far, codes.last / (codes.near - codes.far)) if codes else (0, 0)
         numbers = record(
-            ENCODED_RAYS, columns=columns, rows=rows, first_row=first_row, far=far, steps=steps
+            ENCODED_RAYS,
+            columns=columns,
+            rows=rows,
+            first_row=first_row,
+            far=far,
+            steps=steps,
+            last_code=codes.last if codes else 0,
         )
         self._kernel(
             strips, count, rays=numbers, light=device.shared(np.ascontiguousarray(light)),

@@ -2,7 +2,6 @@
 #pragma once
 #include "light.cl"
 
-#define WIDE_SUMS PQ  // of a strip exceed 32 bits
 typedef sample stored;
 
 typedef struct {

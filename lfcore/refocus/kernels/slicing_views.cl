@@ -3,8 +3,6 @@
 #if TRACED
 #include "fixed_point.cl"
 #include "blocks.cl"
-#define ONE ONE_OF_SUMS
-#define FEW_BITS COARSE
 typedef float stored;
 
 // Columns and rows of linear light (height, width, 3) from `at` on as a block (3, BLOCK_RAYS).
@@ -15,7 +13,7 @@ inline void load_block(const SensorPlaneArguments *n, global const float *light,
     global const float *from = light + 3 * ((ulong)at.y * width + at.x);
     for (int y = 0; y < min(rows, BLOCK); ++y, from += 3 * width, colours += BLOCK)
         for (int k = 0; k < 3 * min(columns, BLOCK); ++k)
-            colours[k % 3 * BLOCK_RAYS + k / 3] = clamp(from[k], 0.0f, BRIGHTEST);
+            colours[k % 3 * BLOCK_RAYS + k / 3] = clamp(from[k], 0.0f, n->brightest);
 }
 
 inline global const float *element_at(const SensorPlaneArguments *n, global const float *light,
@@ -27,8 +25,6 @@ inline int2 corner_of(Placement placed) { return 0; }
 #else
 #include "light.cl"
 #include "blocks.cl"
-#define ONE LIGHT_ONE
-#define FEW_BITS 0
 typedef sample stored;
 
 // The samples of LANES pixels of a line from `first` on, each of two pixels if `halved`; those beyond
@@ -56,9 +52,9 @@ inline void load_block(const SensorPlaneArguments *n, global const sample *frame
         const vf third = load_row(small + chroma, x0 + x, halved, count);
         TO_RGB(vf, n->is_rgb, first, second, third, r, g, b);
         // Multiples of the fixed-point unit; division by a power of two is exact.
-        VSTORE(TO_VF(linear_row(r)) / ONE, colours + ray);
-        VSTORE(TO_VF(linear_row(g)) / ONE, colours + BLOCK_RAYS + ray);
-        VSTORE(TO_VF(linear_row(b)) / ONE, colours + 2 * BLOCK_RAYS + ray);
+        VSTORE(TO_VF(linear_row(r)) / LIGHT_ONE, colours + ray);
+        VSTORE(TO_VF(linear_row(g)) / LIGHT_ONE, colours + BLOCK_RAYS + ray);
+        VSTORE(TO_VF(linear_row(b)) / LIGHT_ONE, colours + 2 * BLOCK_RAYS + ray);
     }
 }
 
@@ -85,7 +81,8 @@ inline void add_view(const SensorPlanes *p, int2 view, int2 at, global const flo
     const SensorPlaneArguments *n = p->numbers;
     const int columns = min(BLOCK, n->columns - at.x), rows = min(BLOCK, n->rows - at.y);
     // Added before fractions are dropped, as in fixed_point.cl.
-    const float part = FEW_BITS ? (((view.x + 4 * view.y) & 15) + 0.5f) / 16.0f : 0.5f;
+    const float part = n->coarse ? (((view.x + 4 * view.y) & 15) + 0.5f) / 16.0f : 0.5f;
+    const float one = n->one;
     for (int plane = 0; plane < n->planes; ++plane) {
         const SensorPlane info = p->planes[plane];
         if (!p->masks[((ulong)info.mask * n->views + view.y) * n->views + view.x]) continue;
@@ -102,7 +99,7 @@ inline void add_view(const SensorPlanes *p, int2 view, int2 at, global const flo
                 if (line_x < 0 || line_x >= n->width) continue;
                 const float4 colour = {c[x], c[BLOCK_RAYS + x], c[2 * BLOCK_RAYS + x], 0.0f};
                 const float4 rounded = (float4)((float3)(part), 0.0f);
-                const int4 fixed = convert_int4(fma(colour, (float4)(ONE), rounded));
+                const int4 fixed = convert_int4(fma(colour, (float4)(one), rounded));
                 sums[(ulong)line_y * n->width + line_x] += convert_ulong4(as_uint4(fixed));
             }
         }

@@ -3,26 +3,30 @@
 #pragma once
 #include "fixed_point.cl"
 
-#define WIDE_SUMS (STOPS > 0)  // of a strip exceed 32 bits
 typedef float stored;
 
-typedef struct { global const float *light; int beside, side; } Macropixel;
+typedef struct {
+    const SensorPlaneArguments *numbers;
+    global const float *light;
+    int beside, side;
+} Macropixel;
 
 inline Macropixel macropixel_at(global const float *light, const SensorPlaneArguments *n,
                                 int element, Placement placed)
 {
     const int side = n->rays_width;
-    return (Macropixel){light + (ulong)element * 3 * side * side, (n->views - side) / 2, side};
+    light += (ulong)element * 3 * side * side;
+    return (Macropixel){n, light, (n->views - side) / 2, side};
 }
 
 // The fixed-point light of a run of LANES columns.
 typedef struct { vu r, g, b; } Row;
 
-inline vu fixed_row(vf light, int x)
+inline vu fixed_row(const SensorPlaneArguments *n, vf light, int x)
 {
-    const vf held = clamp(light, (vf)(0.0f), (vf)(BRIGHTEST));
+    const vf held = clamp(light, (vf)(0.0f), (vf)(n->brightest));
     // By way of signed integers: every processor converts to them in one instruction.
-    return AS_VU(TO_VI(fma(held, (vf)(ONE_OF_SUMS), halves_at(x))));
+    return AS_VU(TO_VI(fma(held, (vf)(n->one), halves_at(x, n->coarse))));
 }
 
 // The light of row y from column x, `count` rays of them in the macropixel; 0 where omitted.
@@ -45,5 +49,6 @@ inline void next_row(const Macropixel *m, int x, int y, int count, int begins, R
         for (int channel = 0; channel < 3; ++channel) of[channel] = VLOAD(rest + channel * LANES);
     }
 #endif
-    row->r = fixed_row(of[0], x), row->g = fixed_row(of[1], x), row->b = fixed_row(of[2], x);
+    row->r = fixed_row(m->numbers, of[0], x), row->g = fixed_row(m->numbers, of[1], x);
+    row->b = fixed_row(m->numbers, of[2], x);
 }

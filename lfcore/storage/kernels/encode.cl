@@ -1,4 +1,4 @@
-// Traced rays as the frames of video files: their light and, with DEPTH, codes of their depth.
+// Traced rays as the frames of video files: their light and, if asked for, codes of their depth.
 // What the host would make of them has other bits on each kind of processor, whose powers differ.
 #include "colours.cl"
 #include "frames.cl"
@@ -6,7 +6,7 @@
 // Codes of depths z, in even steps of inverse depth from the farthest on.
 #define TO_CODES(n) JOIN(convert_, JOIN(CODE, n))
 #define CODES_OF(n, z) \
-    TO_CODES(n)(rint(clamp((1.0f / (z) - rays.far) * rays.steps, 0.0f, (float)(LAST_CODE))))
+    TO_CODES(n)(rint(clamp((1.0f / (z) - rays.far) * rays.steps, 0.0f, rays.last_code)))
 
 // Read a row of `count` rays into a block's.
 inline void load_colours(global const float *light, int count, global float *colours)
@@ -32,14 +32,13 @@ KERNEL void encode_rows(encode_rows_PARAMETERS)
         for (int y = 0; y < inside.y; ++y) {
             const ulong at = ((ulong)element * rays.rows + y0 + y) * rays.columns + x;
             load_colours(light + 3 * at, inside.x, colours + y * BLOCK);
-#if DEPTH
+            if (!codes) continue;
             const Placement code = code_placements[element];
             const int row = code.y + rays.first_row + y0 + y;
             const ulong line = (ulong)code.frame * code_format.height + row;
             global CODE *to = codes + line * code_format.width + code.x + x;
             if (inside.x == BLOCK) vstore16(CODES_OF(16, vload16(0, depth + at)), 0, to);
             else for (int k = 0; k < inside.x; ++k) to[k] = CODES_OF(, depth[at + k]);
-#endif
         }
         write_frames(&out, element, (int2)(x, rays.first_row + y0), inside, colours);
     }

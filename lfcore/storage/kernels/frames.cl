@@ -1,6 +1,5 @@
 // Encoder-ready frames: BT.709 YCbCr, limited range, rounded once, or RGB channels of green, blue
-// and red, full range; sRGB-encoded, or PQ where PEAK, the linear light of the brightest code, is
-// not 0.
+// and red, full range; sRGB-encoded, or PQ where the format has a peak.
 #pragma once
 #include "blocks.cl"
 #include "pq.cl"
@@ -22,10 +21,10 @@ inline vf encode_srgb(vf x)
 }
 
 // A row of colours encoded.
-inline Vec encode_row(Vec c)
+inline Vec encode_row(const FrameFormat *n, Vec c)
 {
-    const float scale = 1.0f / (float)(PEAK);
-    if (PEAK > 0) return (Vec){encode_pq(c.x, scale), encode_pq(c.y, scale), encode_pq(c.z, scale)};
+    const float scale = 1.0f / n->peak;
+    if (n->peak > 0.0f) return (Vec){encode_pq(c.x, scale), encode_pq(c.y, scale), encode_pq(c.z, scale)};
     return (Vec){encode_srgb(c.x), encode_srgb(c.y), encode_srgb(c.z)};
 }
 
@@ -73,7 +72,7 @@ inline void write_rows(const FrameFormat *n, int columns, int rows, global float
     const ulong pixels = (ulong)n->width * n->height;
     for (int y = 0; y < rows; ++y, colours += BLOCK, to += n->width) {
         for (int at = 0; at < BLOCK; at += LANES)
-            store3(codes_of(encode_row(load3(colours, at)), n), colours, at);
+            store3(codes_of(encode_row(n, load3(colours, at)), n), colours, at);
         for (int channel = 0; channel < (n->subsampling > 1 ? 1 : 3); ++channel)
             store_codes(as_uint16(vload16(0, colours + channel * BLOCK_RAYS)), columns,
                         to + channel * pixels);
