@@ -5,6 +5,7 @@ Camera space: x right, y down, z forward, metres.  Walls face the lens, or what 
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import trimesh
@@ -140,13 +141,17 @@ def window() -> Case:
 
 def coat() -> Case:
     """A varnished floor that mirrors a wall and boxes."""
-    floor = sheet(
-        (0, 0.55, 3.2),
-        (4, 0, 0),
-        (0, 0, 5.2),
-        checked("varnish", 10, (50, 30, 20), (170, 110, 60), 14, clearcoat=1.0),
-        (0, -1, 3),
-    )
+    return on_floor(checked("varnish", 10, (50, 30, 20), (170, 110, 60), 14, clearcoat=1.0))
+
+
+def rough_metal(roughness: float) -> Case:
+    """The same floor of brushed metal."""
+    return on_floor(Surface("metal", (1.0, 1.0, 1.0), metallic=1.0, roughness=roughness))
+
+
+def on_floor(surface: Surface) -> Case:
+    """A floor before a wall, with a box on it."""
+    floor = sheet((0, 0.55, 3.2), (4, 0, 0), (0, 0, 5.2), surface, (0, -1, 3))
     wall = sheet(
         (0, -0.9, 5.8),
         (4, 0, 0),
@@ -156,7 +161,7 @@ def coat() -> Case:
     box = block(
         (0.3, 0.0, 3.4), (0.8, 0.55, 3.9), checked("box", 12, (40, 90, 150), (235, 235, 235))
     )
-    return Case([floor, wall, box], "varnish", 2.5, 5.8)
+    return Case([floor, wall, box], surface.name, 2.5, 5.8)
 
 
 def leaf() -> Case:
@@ -170,4 +175,5 @@ def leaf() -> Case:
 CASES: dict[str, Callable[[], Case]] = {
     "plane mirror": plane_mirror, "chrome ball": chrome_ball, "glass ball": glass_ball,
     "window pane": window, "coat": coat, "leaf": leaf,
+    **{f"metal of roughness {r}": partial(rough_metal, r) for r in (0.1, 0.2, 0.3)},
 }  # fmt: skip

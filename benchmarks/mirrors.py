@@ -1,10 +1,10 @@
 """Compares mirrors, glass, a coat and a veil with Mitsuba: python -m benchmarks.mirrors --out x.csv
 
-Six scenes in even light: surfaces emit their own colours, so only mirrored and passing rays differ.
+Scenes in even light: surfaces emit their own colours, so only mirrored and passing rays differ.
 Mitsuba's path tracer converges through the same thin lens, with paths of the same length.
 *quality*: dB of our pictures from 64 rays per pixel, on the pixels of the mirror, with its surface
 in focus and with the image in it; and of Mitsuba's, denoised, after as many core seconds.  *price*:
-the core seconds of a scene a tenth of whose pixels are a mirror over those of the same, matt. Rows
+the core seconds of scenes a tenth of whose pixels are a mirror over those of the same, matt.  Rows
 of other scenes and parts stay.
 """
 
@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,13 +24,16 @@ from benchmarks.mirror_scenes import CASES, MIRROR, Case, plane_mirror
 from benchmarks.peers.method import Renderer, Samples
 from benchmarks.peers.mitsuba import mitsuba_even
 from benchmarks.results import parser_of, report, said, with_kept
+from benchmarks.sample import SCENES
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Lattice
 from lfcore.oracle.specular import MOST_EVENTS
+from lfcore.readers.load import load_scene
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import hierarchy_of, opened
+from lfcore.scene.model import Scene
 from lfcore.timing import measure_in_turn
 from lfcore.tracing.tracer import Tracer
 
@@ -37,6 +41,10 @@ LATTICE = Lattice(4, 2)
 """The 64 rays per pixel of our pictures."""
 DENOISED = "Mitsuba path + OIDN, equal time"
 TENTH = 0.1
+PRICED_PIXELS = 256
+"""The longer side of the pictures whose price is measured."""
+SHINY = {"bike": "sandstone", "bedroom": "floor"}
+"""Materials of a tenth of the pixels, which become a mirror."""
 
 
 def quality(name: str, case: Case, options: argparse.Namespace, kept: dict) -> Iterator[dict]:
@@ -98,40 +106,50 @@ def shown(tracer: Tracer, case: Case, pixels: int) -> np.ndarray:
 
 
 def price(options: argparse.Namespace) -> Iterator[dict]:
-    """Yield the time of a scene a tenth of whose pixels are a mirror over that without."""
+    """Yield the time of scenes a tenth of whose pixels are a mirror over that without."""
+    for name, mirror, matt in tenths():
+        tracers = [Tracer(scene, hierarchy_of(scene), opened(None)) for scene in (mirror, matt)]
+        plane = SensorPlane(mirror.camera.focus_m, mirror.camera.f_number)
+        works = [
+            partial(pictures_by_depth, tracer, mirror.camera, [plane], PRICED_PIXELS, LATTICE)
+            for tracer in tracers
+        ]
+        timings = measure_in_turn(works, repeats=options.repeats, clock=time.process_time)
+        seconds, without = (min(timing.seconds) for timing in timings)
+        yield said({
+            "scene": f"{name}, a tenth", "part": "price", "setting": f"{LATTICE}",
+            "core s": f"{seconds:.3g}", "price": f"{seconds / without:.2f}",
+        })  # fmt: skip
+
+
+def tenths() -> Iterator[tuple[str, Scene, Scene]]:
+    """Yield names, scenes a tenth of whose pixels are a mirror, and the same scenes, matt."""
     case = plane_mirror()
     whole = next(part for part in case.parts if part.surface is MIRROR)
     middle = whole.triangles.reshape(-1, 3).mean(0)
-    tracers = {}
     for size in np.linspace(1, 0.05, 40):
         small = replace(whole, triangles=middle + size * (whole.triangles - middle))
-        parts = [small if part is whole else part for part in case.parts]
-        scene = replace(case, parts=parts).scene("a tenth")
-        tracers["mirror"] = Tracer(scene, hierarchy_of(scene), opened(None))
-        share = float(shown(tracers["mirror"], case, 256).mean())
-        if share <= TENTH:
+        scene = replace(
+            case, parts=[small if part is whole else part for part in case.parts]
+        ).scene("a tenth")
+        tracer = Tracer(scene, hierarchy_of(scene), opened(None))
+        if shown(tracer, case, 256).mean() <= TENTH:
             break
-    matt = [
-        replace(material, metallic=-1.0) if material.name == "mirror" else material
-        for material in scene.materials
-    ]
-    scene = replace(scene, materials=matt)
-    tracers["matt"] = Tracer(scene, hierarchy_of(scene), opened(None))
-    plane = SensorPlane(case.surface_m, scene.camera.f_number)
-    works = [
-        partial(pictures_by_depth, tracers[kind], scene.camera, [plane], options.pixels, LATTICE)
-        for kind in ("mirror", "matt")
-    ]
-    timings = measure_in_turn(works, repeats=options.repeats, clock=time.process_time)
-    mirror, without = (min(timing.seconds) for timing in timings)
-    yield said({
-        "scene": f"a mirror on {share:.0%}", "part": "price", "setting": f"{LATTICE}",
-        "core s": f"{mirror:.3g}", "price": f"{mirror / without:.2f}",
-    })  # fmt: skip
+    yield "26 triangles", scene, _with(scene, "mirror", metallic=-1.0)
+    for name, material in SHINY.items():
+        scene = load_scene(SCENES / name)
+        shining = _with(scene, material, metallic=1.0, roughness=0.0, texture=-1)
+        yield name, shining, scene
+
+
+def _with(scene: Scene, material: str, **changes: Any) -> Scene:
+    """Return the scene with a changed material."""
+    materials = [replace(m, **changes) if m.name == material else m for m in scene.materials]
+    return replace(scene, materials=materials)
 
 
 def main() -> None:
-    parser = parser_of(__doc__ or "", scenes=tuple(CASES), pixels=128)
+    parser = parser_of(__doc__ or "", scenes=(*CASES, "price"), pixels=128)
     parser.add_argument("--pictures", type=Path, help="folder of pictures and differences")
     parser.add_argument("--converged", type=int, default=1024, help="samples of converged pictures")
     parser.add_argument("--repeats", type=int, default=5)

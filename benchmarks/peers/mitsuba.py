@@ -24,7 +24,6 @@ from lfcore.optics.camera import Camera
 from lfcore.oracle.specular import COAT
 from lfcore.scene.appearance import Material
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import is_mirror
 from lfcore.scene.sky import radiance
 
 LLVM = "DRJIT_LIBLLVM_PATH"
@@ -180,7 +179,8 @@ class Lit(Description):
 
 
 class Even(Description):
-    """The description of a scene in ambient light, with mirrors, glass, coats and veils.
+    """The description of a scene in ambient light, with mirrors, rough metal, glass, coats and
+    veils.
 
     A coat is a sheet of glass on its body, which emits as much more as light loses on its way out
     of glass.
@@ -208,16 +208,21 @@ class Even(Description):
 
     def radiance(self, material: int) -> dict | None:
         m = self._scene.every_material[material]
-        if m.transmission or is_mirror(m):
+        if m.transmission or m.metallic == 1:
             return None
         share = m.opacity * (COAT**2 if m.clearcoat else 1)
         ambient, emission = (share * np.array(light) for light in (self._scene.ambient, m.emission))
         return self._colour(material, ambient, emission)
 
     def _reflection(self, material: Material, colour: dict) -> dict:
-        if not is_mirror(material):
+        if material.metallic < 1:
             return {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0] * 3}}
-        return super()._reflection(material, colour)
+        if not material.roughness:
+            return super()._reflection(material, colour)
+        return {
+            "type": "roughconductor", "material": "none", "distribution": "ggx",
+            "alpha": material.roughness**2, "specular_reflectance": colour,
+        }  # fmt: skip
 
     def _sheet(self, number: int) -> Any:
         members = self._scene.material_ids == number
