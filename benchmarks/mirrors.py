@@ -117,7 +117,7 @@ def price(options: argparse.Namespace) -> Iterator[dict]:
         timings = measure_in_turn(works, repeats=options.repeats, clock=time.process_time)
         seconds, without = (min(timing.seconds) for timing in timings)
         yield said({
-            "scene": f"{name}, a tenth", "part": "price", "setting": f"{LATTICE}",
+            "scene": f"{name}, a tenth", "part": "price", "setting": f"{LATTICE}", "focus": "",
             "core s": f"{seconds:.3g}", "price": f"{seconds / without:.2f}",
         })  # fmt: skip
 

@@ -51,13 +51,7 @@ inline void shade_record(Pipeline *p, const Bundle *bundle)
     global int *lit = lit_of(m);
     if (SHADOWS && m->hits.key_count)
         find_lit(&p->shadows, &m->hits, bundle, m->shadows.origins, lit);
-    shade_hits(p->scene, &m->hits, lit, m->shaded);
-#if SPECULAR
-    for (int k = 0; k < m->hits.key_count; ++k)
-        if (p->scene->materials[m->hits.keys[k] / MIP_LEVELS].sends_on)
-            light_first_key(p->scene, &p->shadows.tree->alpha_tests, &m->hits, lit,
-                            m->hits.keys[k], m->shaded);
-#endif
+    shade_hits(p->scene, &p->shadows.tree->alpha_tests, &m->hits, lit, m->shaded);
 }
 
 #if SINK < GIVEN

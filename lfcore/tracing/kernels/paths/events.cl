@@ -133,29 +133,19 @@ inline vi find_idle(vi front, Media media, const Material *m, int number, vf opa
     return (foreign & all_if(is_volume(m))) | EQ(opacity, (vf)(0.0f));
 }
 
-// Light the rays of a shading key that meet first surfaces which send rays on, with their own light.
-inline void light_first_key(const Scene *scene, const AlphaTests *tests, global const Hits *hits,
-                            global const int *lit, int key, global float *out)
+// The own light of the rays `mine` of a row whose first surfaces send rays on.
+inline Vec first_light(const Scene *scene, const AlphaTests *tests, global const Hits *hits,
+                       global const int *lit, int at, vi mine, Surface *s)
 {
-    const int number = key / MIP_LEVELS;
+    const int number = hits->key[at + lowest(row_bits(mine))] / MIP_LEVELS;
     const Media none = {-1, -1};
-    Material material = {scene->materials[number]};
-    if (TEXTURED) read_maps(scene, scene->materials + number, key % MIP_LEVELS, material.maps);
-    Surface s;
-    s.material = &material;
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi mine = EQ(VLOAD(hits->key + at), (vi)(key));
-        if (!row_any(mine)) continue;
-        Vec corner[3];
-        TriangleRow triangles;
-        read_surface(scene, hits, at, &s);
-        const Vec n = read_planes(scene, hits, at, mine, &triangles, corner);
-        const vi front = LT(dot3(n, load3(hits->direction, at)), (vf)(0.0f));
-        const vf opacity = opacity_row(tests, hits, &material, at);
-        const vi idle = find_idle(front, none, &material, number, opacity);
-        const Events e = find_events(scene, number, opacity, none, front, &s);
-        const Vec light = shared_light(scene, &s, lit, at, e.own, e.goes_on & ~idle);
-        const Vec values[SHADED] = {pick3(light, spread3(0.0f), idle)};
-        write_shaded(values, mine, at, out);
-    }
+    Vec corner[3];
+    TriangleRow triangles;
+    const Vec n = read_planes(scene, hits, at, mine, &triangles, corner);
+    const vi front = LT(dot3(n, load3(hits->direction, at)), (vf)(0.0f));
+    const vf opacity = opacity_row(tests, hits, s->material, at);
+    const vi idle = find_idle(front, none, s->material, number, opacity);
+    const Events e = find_events(scene, number, opacity, none, front, s);
+    const Vec light = shared_light(scene, s, lit, at, e.own, e.goes_on & ~idle);
+    return pick3(light, spread3(0.0f), idle);
 }

@@ -146,10 +146,15 @@ inline void read_surface(const Scene *scene, global const Hits *hits, int at, Su
     if (PHYSICAL && BAKED && SKY && s->material->maps[MAP_NORMAL].height) map_light(scene, s);
 }
 
+#if SPECULAR
+inline Vec first_light(const Scene *scene, const AlphaTests *tests, global const Hits *hits,
+                       global const int *lit, int at, vi mine, Surface *s);
+#endif
+
 // The rays that hit surfaces of one shading key.  `lit` has, for each light with shadows, a bit per
 // ray that sees it.
-inline void shade_key(const Scene *scene, global const Hits *hits, global const int *lit, int key,
-                      global float *out)
+inline void shade_key(const Scene *scene, const AlphaTests *tests, global const Hits *hits,
+                      global const int *lit, int key, global float *out)
 {
     global const MaterialRecord *record = scene->materials + key / MIP_LEVELS;
     Material material = {*record};
@@ -161,17 +166,20 @@ inline void shade_key(const Scene *scene, global const Hits *hits, global const 
         if (!row_any(mine)) continue;
         read_surface(scene, hits, at, &s);
         Vec values[SHADED];
-        shade_row(scene, &s, lit, at, values);
+#if SPECULAR
+        if (record->sends_on)
+            values[RADIANCE] = first_light(scene, tests, hits, lit, at, mine, &s);
+        else
+#endif
+            shade_row(scene, &s, lit, at, values);
         write_shaded(values, mine, at, out);
     }
 }
 
 // Shade hits: (SHADED, 3, BLOCK_RAYS), linear, not clamped.
-inline void shade_hits(const Scene *scene, global const Hits *hits, global const int *lit,
-                       global float *out)
+inline void shade_hits(const Scene *scene, const AlphaTests *tests, global const Hits *hits,
+                       global const int *lit, global float *out)
 {
     shade_background(scene, hits, out);
-    for (int k = 0; k < hits->key_count; ++k)
-        if (!SPECULAR || !scene->materials[hits->keys[k] / MIP_LEVELS].sends_on)
-            shade_key(scene, hits, lit, hits->keys[k], out);
+    for (int k = 0; k < hits->key_count; ++k) shade_key(scene, tests, hits, lit, hits->keys[k], out);
 }
