@@ -10,12 +10,15 @@ import pytest
 
 from lfcore import SensorPlane, Slab, open_device
 from lfcore.evaluation.stability.tested_tracer import bare_scene
+from lfcore.optics.bundles import views
 from lfcore.rendering.tiles import trace_tile
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
 from lfcore.scene.baked import BakedLight
 from lfcore.scene.needs import Needs
 from lfcore.scene.surface_mesh import face_normals
 from lfcore.storage.layout import FrameLayout
+from lfcore.tracing import specular
+from lfcore.tracing import tracer as tracer_module
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tracer import Tracer
@@ -121,3 +124,27 @@ def test_a_picture_loads_no_video_library_and_none_that_filters_textures():
         """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.stdout == "set()\n", done.stderr
+
+
+@pytest.mark.parametrize("mirrors", [False, True])
+def test_a_scene_without_mirrors_follows_no_paths(mirrors, monkeypatch):
+    """No program of paths, no numbers of triangles beside light, no second part."""
+    launched, outputs = [], []
+    launch, fill = specular.launch_given, tracer_module.fill_arrays
+    monkeypatch.setattr(
+        specular, "launch_given", lambda *args, **more: launched.append(launch(*args, **more))
+    )
+
+    def noted(job, sets, places, arrays, **more):
+        outputs.append(set(arrays))
+        return fill(job, sets, places, arrays, **more)
+
+    monkeypatch.setattr(tracer_module, "fill_arrays", noted)
+    material = Material("grey", metallic=1.0, roughness=0.0 if mirrors else 0.5)
+    scene = replace(plain(), materials=[material])
+    tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+    rays = views(Slab(scene.camera, 2, 16), np.int32([[0, 0]]))
+    assert len(tracer.parts(rays)) == 1 + mirrors
+    tracer.bundle_radiance(rays)
+    assert bool(launched) == mirrors
+    assert all(("triangle" in names) == mirrors for names in outputs)
