@@ -258,3 +258,46 @@ def test_paths_have_the_same_bits_in_all_lanes(device):
         )
     for other in bits[1:]:
         np.testing.assert_array_equal(bits[0], other)
+
+
+def seen_along_the_axis(parts, normals=None):
+    """What one ray near the axis sees of (triangles, fields of a material), the last glowing."""
+    triangles = np.concatenate([np.float32(triangles) for triangles, _ in parts])
+    ids = np.repeat(np.arange(len(parts), dtype=np.int32), [len(each) for each, _ in parts])
+    glow = {"diffuse": (0.0,) * 3, "emission": (0.5, 0.5, 0.5)}
+    kinds = [Material(str(k), **each) for k, (_, each) in enumerate([*parts[:-1], (0, glow)])]
+    dark = {"ambient": (0.0,) * 3, "background": (0.0,) * 3, "clip": False}
+    made = scene(triangles, materials=kinds, material_ids=ids, **dark)
+    if normals is not None:
+        rest = np.broadcast_to(np.float32([0, 0, -1]), (len(triangles) - len(normals), 3, 3))
+        made = replace(made, normals=np.concatenate([normals, rest]).astype(np.float32))
+    origins, directions = np.zeros((1, 3), np.float32), np.float32([[2e-3, 1e-3, 1.0]])
+    return follow(tracer_of(made, specular=True)._on_device, origins, directions, 0.0)
+
+
+def test_balls_of_glass_and_chrome_focus_where_they_must():
+    """Far things: 1.5 radii before the middle of a ball with n = 1.5, in chrome half a radius
+    behind its front."""
+    sphere = trimesh.creation.icosphere(6)
+    near = np.hypot(*sphere.vertices[:, :2].T)[sphere.faces].min(1) < 0.06
+    normals = sphere.vertices[sphere.faces[near]]
+    for name, far, expected in (("glass", 1004.0, 2.5), ("mirror", -997.0, 3.5)):
+        back = np.float32(
+            [[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]]
+        )
+        parts = [(normals + [0, 0, 4], KINDS[name]), (back * 3000 + np.float32([0, 0, far]), {})]
+        seen = seen_along_the_axis(parts, normals)
+        np.testing.assert_allclose(seen.specular_depth, expected, rtol=0.01)
+
+
+def test_a_prism_reflects_wholly():
+    """Light turns by 90 degrees within it, without loss, and what is below appears unfolded."""
+    corners = [(x, y, z) for x in (-1, 1) for y, z in ((-1, 2), (1, 2), (-1, 4))]
+    floor = (
+        [[-20, -3, -20], [20, -3, -20], [20, -3, 20]],
+        [[-20, -3, -20], [20, -3, 20], [-20, -3, 20]],
+    )
+    prism = trimesh.Trimesh(corners).convex_hull.triangles
+    seen = seen_along_the_axis([(prism, KINDS["glass"]), (np.float32(floor), {})])
+    np.testing.assert_allclose(seen.specular, 0.96 * 0.5, rtol=1e-4)
+    np.testing.assert_allclose(seen.specular_depth, 2 + 2 / 1.5 + 2, rtol=0.01)

@@ -34,9 +34,9 @@ Part = tuple[np.ndarray, Material]
 """Triangles (T, 3, 3) of a material."""
 
 
-@sweep("25", "degrees from grazing", (30.0, 10.0, 1.0, 0.1, 0.01))
+@sweep("25", "degrees from grazing", (33.69, 10.0, 1.0, 0.1, 0.01))
 def grazing_glass(tracer: TracerUnderTest, degrees: float) -> Measurement:
-    """What a pond of black glass reflects of a glowing sky, ever flatter."""
+    """What a pond of black glass reflects of the sky, from Brewster's angle on ever flatter."""
     slope = math.tan(math.radians(degrees))
     reach = 4 / slope
     floor = grid(1, 1, [-2, 1, -1], [4, 0, 0], [0, 0, 2 * reach])
