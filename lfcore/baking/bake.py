@@ -16,7 +16,7 @@ from lfcore.baking.adaptive_refinement import FINEST, Refinement
 from lfcore.baking.denoising import denoised
 from lfcore.baking.irradiance_cache import IrradianceCache
 from lfcore.baking.mesh_colours import Grids, extent, longest_edge
-from lfcore.baking.surroundings import FIELD, Surroundings
+from lfcore.baking.surroundings import FIELD, MOST_SURFACES, Surroundings
 from lfcore.baking.verification import measured_error
 from lfcore.errors import SceneError
 from lfcore.opencl.device import Device
@@ -87,8 +87,8 @@ def bake_light(
 ) -> BakedLight:
     """Bake the light of a scene's sky, emitters and bounces on all its surfaces.
 
-    Light passes glass straight.  Mirrors and veils reflect light as matt surfaces of their colour,
-    which is closer to the truth than no light.
+    Light passes glass straight, and veils by what their opacity leaves.  Mirrors reflect light as
+    matt surfaces of their colour, which is closer to the truth than no light.
 
     ``progress`` is called with (steps done, number of steps).  Raises :class:`SceneError` for a
     material that reflects more light than it receives.
@@ -169,9 +169,25 @@ def _seen_faces(scene: Scene, around: Surroundings, count: int) -> SeenFaces:
         behind = dot(around.unit[triangle], triangles[triangle, 0] - lens_point) > 0
         origins, towards = (vectors.reshape(-1, 3)[on] for vectors in rays.rays())
         places = origins + depth[:, None] * towards
-        faces = 2 * triangle + behind
-        for total, values in zip(sums, (*places.T, np.ones(len(on))), strict=True):
-            total += np.bincount(faces, values, len(total))
+        for _ in range(MOST_SURFACES):
+            faces = 2 * triangle + behind
+            for total, values in zip(sums, (*places.T, np.ones(len(faces))), strict=True):
+                total += np.bincount(faces, values, len(total))
+            # What is behind veils and in mirrors is seen, too.
+            on = np.flatnonzero(around.veils.is_veil[triangle] | around.mirrors[triangle])
+            if not len(on):
+                break
+            triangle, places, towards, depth = triangle[on], places[on], towards[on], depth[on]
+            normal = np.where(around.mirrors[triangle][:, None], around.unit[triangle], 0)
+            towards = towards - 2 * dot(normal, towards)[:, None] * normal
+            start = places + around.beyond(np.zeros(len(on)), towards)[:, None] * towards
+            triangle, far, _ = around.tracer.closest_hit(start, towards)
+            around.rays += len(start)
+            hit = np.flatnonzero(triangle >= 0)
+            triangle, towards, far = triangle[hit], towards[hit], far[hit].astype(np.float64)
+            places, depth = start[hit] + far[:, None] * towards, depth[hit] + far
+            np.minimum.at(distance, triangle, depth)
+            behind = dot(around.unit[triangle], towards) > 0
     faces = np.flatnonzero(sums[3])
     corners = triangles[faces // 2].astype(np.float64)
     weights = _barycentric(corners, (sums[:3, faces] / sums[3, faces]).T)

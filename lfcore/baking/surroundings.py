@@ -13,7 +13,7 @@ from lfcore.scene.arrays import dot
 from lfcore.scene.baked import NO_SKY
 from lfcore.scene.limits import MOST_ATTENUATION, SMALLEST_LENGTH
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import emitting_triangles
+from lfcore.scene.needs import MIRROR_ROUGHNESS, emitting_triangles
 from lfcore.scene.sky import suns
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.given_rays import HitSurfaces, RayHits
@@ -36,6 +36,8 @@ _NEAR = 1 / 512
 there: about a pixel."""
 _ASLANT = 4.0
 """Along a ray, near is this many times as far."""
+MOST_SURFACES = 16
+"""The most surfaces of a ray that veils let pass or mirrors reflect."""
 FIELD = 1.05
 """The part of the camera's field of view, per side, where irradiance has the required error."""
 
@@ -70,6 +72,8 @@ class Surroundings:
     tracer : traces the scene without lights, normal maps and smooth normals.
     unit : (T, 3) unit normals of the triangles, in front.
     emits : (T,) whether a triangle emits, and is not part of a light.
+    veils : what passes surfaces of partial opacity.
+    mirrors : (T + 1,) whether a triangle is a smooth metal; False for a miss.
     lens : (n, 2) lens points from which visibility is tested, metres.
     rays : the number of rays traced so far.
     """
@@ -88,6 +92,11 @@ class Surroundings:
         self.rays = 0
         self.lens = scene.camera.lens_radius_m * np.array(_LENS_POINTS)
         self.emits = emitting_triangles(scene)
+        self.veils = Veils(scene)
+        mirrors = [
+            m.metallic > 0.5 and m.roughness <= MIRROR_ROUGHNESS for m in scene.every_material
+        ]
+        self.mirrors = np.append(np.array(mirrors, bool)[scene.material_ids], False)
 
     def hits(self, points: Points, towards: np.ndarray) -> FaceHits:
         """Trace rays (P, n, 3) from points."""
@@ -138,8 +147,7 @@ class Surroundings:
 
     def cast(self, origins: np.ndarray, towards: np.ndarray) -> FaceHits:
         """Trace rays (R, 3)."""
-        triangle, distance, weights = self.tracer.closest_hit(origins, towards)
-        self.rays += len(origins)
+        triangle, distance, weights = self._closest(origins, towards)
         behind = dot(self.unit[triangle], towards) > 0
         faces = np.where(triangle < 0, -1, 2 * triangle.astype(np.int64) + behind)
         return FaceHits(faces, np.where((triangle < 0)[:, None], 0, weights), distance)
@@ -147,9 +155,36 @@ class Surroundings:
     def surfaces(self, origins: np.ndarray, towards: np.ndarray) -> tuple[RayHits, HitSurfaces]:
         """Trace rays (R, 3); returns their hits, and the surfaces there: their emission, or the
         light of the sky, and what they reflect."""
-        self.rays += len(origins)
-        hits = self.tracer.closest_hit(origins, towards)
+        hits = self._closest(origins, towards)
         return hits, self.tracer.hit_surfaces(origins, towards, hits, normals=False)
+
+    def _closest(self, origins: np.ndarray, towards: np.ndarray) -> RayHits:
+        """Return the hits of rays (R, 3): a veil stops a share of them, which their bits choose."""
+        hits, going = self.tracer.closest_hit(origins, towards), np.arange(len(origins))
+        self.rays += len(origins)
+        for step in range(MOST_SURFACES if self.veils.any else 0):
+            share = self.veils.passing(hits.triangle[going], hits.barycentric[going])
+            passes = _numbers(origins[going], towards[going], step) < share
+            going = going[passes]
+            if not len(going):
+                break
+            hits = RayHits(*(np.array(part) for part in hits))
+            before = self.beyond(hits.distance[going], towards[going])
+            start = origins[going] + before[:, None] * towards[going]
+            found = self.tracer.closest_hit(start, towards[going])
+            self.rays += len(going)
+            for part, new in zip(
+                hits, found._replace(distance=before + found.distance), strict=True
+            ):
+                part[going] = new
+        return hits
+
+    def beyond(self, distance: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """Return distances (R,) behind surfaces at ``distance``, in units of ``towards``."""
+        length = np.sqrt(dot(towards, towards))
+        return (distance + self._least_lift / np.maximum(length, SMALLEST_LENGTH)).astype(
+            np.float32
+        )
 
     def emitted(self, faces: np.ndarray, weights: np.ndarray, towards: np.ndarray) -> np.ndarray:
         """Return the radiance (R, 3) that sky and emitters send back along rays that hit ``faces``
@@ -189,12 +224,81 @@ class Surroundings:
         lit = np.flatnonzero(strength > 0)
         if light.casts_shadows and len(lit):
             start = self.starts(points, lit, unit[lit])
-            triangle, far, _ = self.tracer.closest_hit(start, towards[lit])
-            self.rays += len(lit)
-            own = (triangle >= light.own[0]) & (triangle < light.own[1])
-            dark = (triangle >= 0) & ~own & ((far < 1) | (light.kind != POINT))
-            strength[lit[dark]] = 0
+            strength[lit] *= self._arriving(light, start, towards[lit])
         return strength[:, None] * np.array(light.colour, np.float32)
+
+    def _arriving(self, light: Light, start: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """Return the share (R,) of a light that arrives at ``start`` (R, 3): none in shadow, and
+        what veils leave of it."""
+        share, going = np.ones(len(start), np.float32), np.arange(len(start))
+        distance = np.zeros(len(start), np.float32)
+        for _ in range(MOST_SURFACES):
+            rays = start[going] + distance[going, None] * towards[going], towards[going]
+            triangle, far, weights = self.tracer.closest_hit(*rays)
+            self.rays += len(going)
+            far = distance[going] + far
+            own = (triangle >= light.own[0]) & (triangle < light.own[1])
+            met = (triangle >= 0) & ~own & ((far < 1) | (light.kind != POINT))
+            going, far, triangle, weights = (part[met] for part in (going, far, triangle, weights))
+            passing = self.veils.passing(triangle, weights)
+            share[going] *= passing
+            going, far = going[passing > 0], far[passing > 0]
+            if not len(going):
+                break
+            distance[going] = self.beyond(far, towards[going])
+        return share
+
+
+class Veils:
+    """What surfaces of partial opacity let pass.
+
+    Attributes
+    ----------
+    any : whether there is such a surface.
+    """
+
+    def __init__(self, scene: Scene):
+        self._scene = scene
+        materials = scene.every_material
+        opacity = np.array([material.opacity for material in materials], np.float32)
+        blends = np.array([scene.has_alpha_blend(material) for material in materials], bool)
+        self._opacity, self._blends = opacity[scene.material_ids], blends[scene.material_ids]
+        self.is_veil = np.append((self._opacity < 1) | self._blends, False)
+        self.any = bool(self.is_veil.any())
+
+    def passing(self, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Return the shares (R,) of light that pass surfaces at ``weights`` (R, 3); 0 for a
+        miss."""
+        share, scene = np.zeros(len(triangle), np.float32), self._scene
+        veiled = np.flatnonzero(self.is_veil[triangle])
+        triangle, weights = triangle[veiled], weights[veiled]
+        opacity = self._opacity[triangle]
+        for number, material in enumerate(scene.every_material):
+            mine = np.flatnonzero(self._blends[triangle] & (scene.material_ids[triangle] == number))
+            if len(mine):
+                alpha = scene.textures[material.texture][..., 3]
+                uv = (weights[mine, :, None] * scene.uvs[triangle[mine]]).sum(1)
+                opacity[mine] *= _nearest(alpha, uv) / np.float32(255)
+        share[veiled] = 1 - opacity
+        return share
+
+
+def _nearest(texels: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """Return the texels (R,) of a texture (H, W) at uv (R, 2), which repeats, v up."""
+    height, width = texels.shape
+    column = np.floor(uv[:, 0] * width).astype(np.int64) % width
+    row = np.floor((1 - uv[:, 1]) * height).astype(np.int64) % height
+    return texels[row, column]
+
+
+def _numbers(origins: np.ndarray, towards: np.ndarray, step: int) -> np.ndarray:
+    """Return a number (R,) from 0 to 1 for each ray, by chance: of its bits."""
+    bits = np.concatenate([origins, towards], axis=1).astype(np.float32).view(np.uint32)
+    mixed = np.full(len(bits), step, np.uint64)
+    for column in bits.T:
+        mixed = (mixed ^ column) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(29)
+    return (mixed >> np.uint64(40)).astype(np.float32) / np.float32(1 << 24)
 
 
 def _matt(scene: Scene, sky: np.ndarray | None) -> Scene:

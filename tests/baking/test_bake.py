@@ -534,3 +534,67 @@ def test_a_mesh_under_a_sky_of_ones_own(tmp_path):
     assert isinstance(scene, Scene) and scene.lights == []
     assert seen(scene, 16)[0, 0] == pytest.approx([0.5, 1, 2], rel=0.02)
     assert lfcore.bake(scene, bounces=1, error=0.1).bake == BakeOptions(1, 0.1, cells=48)
+
+
+def in_a_veil(**veil):
+    """A matt wall at 2 m, within a box of a black veil, in a white sky."""
+    box = trimesh.creation.box((6, 6, 6)).triangles
+    room = world(np.concatenate([plain_scenes.wall(2, 0.5), box]).astype(np.float32), bounces=0)
+    black = Material("veil", (0.0,) * 3, **veil)
+    return replace(
+        room, materials=[*room.materials, black], material_ids=np.repeat(np.int32([0, 1]), [2, 12])
+    )
+
+
+@pytest.mark.parametrize("opacity", [0.25, 0.7])
+def test_light_passes_veils_by_what_their_opacity_leaves(opacity):
+    """The wall sees nothing but the sky, all of it through the veil."""
+    picture = seen(in_a_veil(opacity=opacity))
+    assert picture[16:32, 16:32].mean() == pytest.approx(0.5 * (1 - opacity), rel=0.02)
+
+
+def test_light_passes_veils_by_the_alpha_of_their_texture():
+    """Of 100 texels, 60 are clear and 40 half opaque; the corners have any coordinates."""
+    texels = np.zeros((10, 10, 4), np.uint8)
+    texels[:4, :, 3] = 128
+    plain = in_a_veil()
+    black = replace(plain.materials[1], texture=0, alpha_blend=True)
+    uvs = np.float32([[0, 0], [1, 0], [1, 1]])[None].repeat(14, 0) * 7
+    kinds = [plain.materials[0], black]
+    picture = seen(replace(plain, textures=[texels], uvs=uvs, materials=kinds))
+    assert picture[16:32, 16:32].mean() == pytest.approx(0.5 * (1 - 0.4 * 128 / 255), rel=0.03)
+
+
+def test_lamps_shine_through_each_veil():
+    lamp = Light(POINT, (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
+    triangles = np.concatenate([plain_scenes.wall(z) for z in (2, 1, 0.5)]).astype(np.float32)
+    room = world(triangles)
+    veils = [Material("a", opacity=0.5), Material("b", opacity=0.2)]
+    for opaque in (False, True):
+        kinds = [*room.materials, *([Material("c")] * 2 if opaque else veils)]
+        ids = np.repeat(np.arange(3, dtype=np.int32), 2)
+        hung = replace(room, lights=[lamp], materials=kinds, material_ids=ids)
+        around = Surroundings(hung, build_bvh(triangles), open_device())
+        up = np.float32([[0, 0, -1]])
+        points = Points(np.float32([[0.2, 0.1, 2.0]]), up, up, np.full(1, 0.01))
+        found = around.of_lights(points)[0, 0]
+        cosine = 3 / np.sqrt(9 + 0.05)
+        assert found == pytest.approx(0 if opaque else 0.5 * 0.8 * cosine, rel=1e-5)
+
+
+def test_what_mirrors_and_veils_show_is_baked_as_what_is_seen():
+    """A wall behind the camera, in a mirror, and one behind a veil: their grids are as fine as that
+    of a wall that is seen."""
+    mirror, veil, behind, beyond = (
+        plain_scenes.wall(z, half) for z, half in ((2.0, 0.5), (1.5, 4.0), (-1.0, 6.0), (4.0, 9.0))
+    )
+    triangles = np.concatenate([mirror, veil, behind, beyond]).astype(np.float32)
+    room = world(triangles, bounces=0)
+    kinds = [Material("mirror", (1.0,) * 3, metallic=1.0, roughness=0.0),
+             Material("veil", opacity=0.5), *room.materials]  # fmt: skip
+    sides = []
+    for veiled in (kinds, [replace(kinds[2]), *kinds[1:]]):
+        made = replace(room, materials=veiled, material_ids=np.repeat(np.int32([0, 1, 2, 2]), 2))
+        sides.append(lfcore.bake(made).light.grids[:, 2])
+    assert (sides[0][4:6] > sides[1][4:6]).all()  # behind the camera, by the mirror
+    assert (sides[1][6:] >= 8).all()
