@@ -1,4 +1,4 @@
-"""Draws the pictures of README.md: the film refocus.webp, viewer.png and lit.webp.
+"""Draws the pictures of README.md: the film refocus.webp, viewer.png, lit.webp and mirror.webp.
 
 python -m docs.pictures.readme
 """
@@ -22,6 +22,8 @@ from tests.viewer.viewer_browser import chromium, visit
 HERE = Path(__file__).parent
 SCENES = HERE.parents[1] / "scenes"
 LIT_PIXELS = 288
+MIRROR_PIXELS, MIRROR_EV = 448, 1.5
+"""Pixels of each picture of the mirror, and the stops by which its dim room is brighter."""
 PIXELS = 400
 """Pixels of the light field, and of the film's pictures."""
 FPS, COUNT, F_NUMBER = 24, 35, 1.4
@@ -107,6 +109,16 @@ def lit(folder: Path) -> None:
     Image.fromarray(np.hstack(row)).save(HERE / "lit.webp", quality=88, method=6)
 
 
+def mirror(folder: Path) -> None:
+    """A room in a mirror: in focus are the mirror's frame, the toys in it, and the bed in it."""
+    scene = lfcore.load_scene(SCENES / "bedroom" / "mirror.yaml")
+    views = lfcore.Lattice(8, 1)
+    field = lfcore.record(scene, folder / "mirror.mkv", views=views, pixels=MIRROR_PIXELS)
+    pictures = field.stack(scene.focus_distances_m)
+    row = [srgb_codes(lfcore.exposed(picture, MIRROR_EV, roll_off=True)) for picture in pictures]
+    Image.fromarray(np.hstack(row)).save(HERE / "mirror.webp", quality=90, method=6)
+
+
 def screenshot(field: lfcore.LightField, folder: Path) -> None:
     field.viewer().save(folder / "bike.html")
     with chromium(folder / "profile", "--window-size=900,900", "--hide-scrollbars") as browser:
@@ -121,4 +133,5 @@ if __name__ == "__main__":
         made = lfcore.record(lfcore.load_scene("scenes/bike"), f"{name}/bike.mkv", pixels=PIXELS)
         lit(Path(name))
         film(Path(name))
+        mirror(Path(name))
         screenshot(made, Path(name))
