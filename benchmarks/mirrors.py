@@ -28,13 +28,13 @@ from benchmarks.sample import SCENES
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Lattice
-from lfcore.oracle.specular import MOST_EVENTS
 from lfcore.readers.load import load_scene
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import hierarchy_of, opened
 from lfcore.scene.model import Scene
 from lfcore.timing import measure_in_turn
+from lfcore.tracing.specular import MOST_EVENTS
 from lfcore.tracing.tracer import Tracer
 
 LATTICE = Lattice(4, 2)

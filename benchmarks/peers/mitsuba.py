@@ -21,7 +21,7 @@ from benchmarks.peers.method import Renderer, Samples, SkippedError, check_insta
 from benchmarks.peers.mitsuba_shading import shading_of
 from lfcore.evaluation.renderers.mitsuba import Description, mesh_of, start, thin_lens
 from lfcore.optics.camera import Camera
-from lfcore.oracle.specular import COAT
+from lfcore.oracle.shading import COAT
 from lfcore.scene.appearance import Material
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 from plain_scenes import scene, wall
+from specular_reference import NEAREST, fresnel, trace_paths
 
 from lfcore import Material
-from lfcore.oracle.specular import NEAREST, fresnel, trace_paths
 from lfcore.scene.transforms import rotate
 
 DELTA = 0.3

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from specular_reference import trace_paths
 from tracing_scenes import CAMERA, LAMP, SUN, WALL, bent_normals, scene, tiles, tracer_of
 
 from lfcore import Slab, open_device
 from lfcore.optics import bundles
 from lfcore.oracle.shading import radiance
-from lfcore.oracle.specular import trace_paths
 from lfcore.scene.appearance import Material
 from lfcore.tracing.specular import follow
 

@@ -33,8 +33,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from differentials_reference import Differentials, dot, normal_bends
 
-from lfcore.oracle.differentials import Differentials, dot, normal_bends
 from lfcore.oracle.intersect import Hits, closest_hits
 from lfcore.oracle.metal import bent_normals, metals
 from lfcore.oracle.shading import COAT, TOUCHING, Traced, albedo, fresnel, normals, own_light
