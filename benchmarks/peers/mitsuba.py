@@ -217,12 +217,7 @@ class Even(Description):
     def _reflection(self, material: Material, colour: dict) -> dict:
         if material.metallic < 1:
             return {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0] * 3}}
-        if not material.roughness:
-            return super()._reflection(material, colour)
-        return {
-            "type": "roughconductor", "material": "none", "distribution": "ggx",
-            "alpha": material.roughness**2, "specular_reflectance": colour,
-        }  # fmt: skip
+        return super()._reflection(material, colour)
 
     def _sheet(self, number: int) -> Any:
         members = self._scene.material_ids == number

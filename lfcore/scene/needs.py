@@ -142,10 +142,9 @@ class Needs:
         )
 
 
-def is_mirror(material: Material) -> bool:
-    """Whether all that a material does is reflect like a mirror."""
-    rough = material.roughness > MIRROR_ROUGHNESS or material.metal_texture >= 0
-    return material.metallic == 1 and not rough and material.opacity == 1
+def is_metal(material: Material) -> bool:
+    """Whether all that a material does is reflect, as metal of one roughness."""
+    return material.metallic == 1 and material.metal_texture < 0 and material.opacity == 1
 
 
 def is_specular(scene: Scene, material: Material) -> bool:
@@ -184,12 +183,12 @@ def _has_curves(scene: Scene) -> bool:
 def check_exportable(scene: Scene, program: str, *, may_be_specular: bool = False) -> None:
     """Raise :class:`SceneError` for features that the exporter to ``program`` does not support.
 
-    One that ``may_be_specular`` exports mirrors, glass without absorption, coats and veils.
+    One that ``may_be_specular`` exports metal, glass without absorption, coats and veils.
     """
     needs = Needs.of(scene)
     used = [scene.every_material[number] for number in np.unique(scene.material_ids)]
     if may_be_specular:
-        physical = any(m.has_maps or (m.is_metallic and not is_mirror(m)) for m in used)
+        physical = any(m.has_maps or (m.is_metallic and not is_metal(m)) for m in used)
         specular = any(scene.has_alpha_blend(m) or any(m.absorption) for m in used)
     else:
         physical, specular = needs.physical, needs.specular

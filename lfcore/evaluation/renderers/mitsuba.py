@@ -21,7 +21,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.rendering.direct import focused_camera
 from lfcore.scene.appearance import POINT, Light, Material
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import check_exportable, is_mirror
+from lfcore.scene.needs import check_exportable, is_metal
 
 
 def start(variant: str, threads: int) -> ModuleType:
@@ -172,8 +172,14 @@ class Description:
         return {"type": "mask", "opacity": material.opacity, "inner": body}
 
     def _reflection(self, material: Material, colour: dict) -> dict:
-        if is_mirror(material):
-            return {"type": "conductor", "material": "none", "specular_reflectance": colour}
+        if is_metal(material):
+            smooth = {"type": "conductor", "material": "none", "specular_reflectance": colour}
+            rough = {
+                "type": "roughconductor",
+                "distribution": "ggx",
+                "alpha": material.roughness**2,
+            }
+            return smooth | rough if material.roughness else smooth
         if material.clearcoat:
             return {"type": "plastic", "int_ior": 1.5, "diffuse_reflectance": colour}
         if not any(material.specular):
