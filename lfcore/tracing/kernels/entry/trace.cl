@@ -126,7 +126,8 @@ inline Tree make_tree(global const uchar *scene, const SceneStarts *starts)
 {
     return (Tree){.boxes = ARRAY(boxes), .children = ARRAY(children), .leaves = ARRAY(leaves),
                   .leaf_ids = ARRAY(leaf_ids),
-                  .alpha_tests = {ARRAY(alpha_test_of), ARRAY(alpha_tests), ARRAY(alpha)}};
+                  .alpha_tests = {.record_of = ARRAY(alpha_test_of),
+                                  .records = ARRAY(alpha_tests), .alpha = ARRAY(alpha)}};
 }
 
 inline Scene make_scene(global const uchar *scene, const SceneArguments *numbers)
