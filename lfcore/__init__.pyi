@@ -23,6 +23,7 @@ from .optics.array import CameraArray
 from .optics.camera import Camera
 from .optics.focus import DepthRange
 from .optics.grid_geometry import Geometry
+from .optics.lens import Lens
 from .optics.planes import Aperture, SensorPlane
 from .optics.slab import Extent, Lattice, Slab
 from .pictures import write_picture
@@ -52,7 +53,7 @@ __all__ = [
     "Rendering", "Sensor", "Encoding", "Device", "ViewerPage",
     "Surface", "Material", "Light", "BakedLight", "BakeOptions", "Motion", "View", "Note",
     "DepthRange",
-    "Aperture", "Extent", "Geometry", "Selection", "Order", "ReadOptions", "WriteOptions",
+    "Aperture", "Lens", "Extent", "Geometry", "Selection", "Order", "ReadOptions", "WriteOptions",
     "Metadata", "StoredDepth", "Description", "Stacks",
     "LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError", "SettingsError",
 ]  # fmt: skip

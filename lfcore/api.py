@@ -15,7 +15,7 @@ import numpy as np
 from lfcore.errors import OpticsError, check_kind, suggest_keywords
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
-from lfcore.optics.planes import SensorPlane
+from lfcore.optics.planes import SensorPlane, refuse_lens
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.pictures import LIGHT_FIELD, check_suffix
@@ -203,6 +203,8 @@ def render(
         scene, planes, size, focus_m=focus_m, f_number=f_number, aperture=aperture,
         focus_at=focus_at, blur=blur,
     )  # fmt: skip
+    if filter != "depth":
+        refuse_lens(chosen, "the filter 'nearest'", "Use the filter depth")
     tracer = open_tracer(scene, device, progress, by_depth=filter == "depth")
     by_side = [replace(plane, pixels=size.longer) for plane in chosen]
     if filter == "depth":
@@ -285,6 +287,7 @@ def render_to_quality(
         scene, planes, size, focus_m=focus_m, f_number=f_number, aperture=aperture,
         focus_at=focus_at, blur=blur,
     )  # fmt: skip
+    refuse_lens(chosen, "a quality, which is that of a perfect lens,", "Give views, or a Lattice")
     tracer = open_tracer(scene, device, progress, by_depth=True)
     return QualitySearch(tracer, camera, chosen, size, quality).pictures(progress)
 

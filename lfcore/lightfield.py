@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from lfcore.errors import OpticsError, suggest_keywords
 from lfcore.opencl.device import Device
 from lfcore.optics.focus import blur_share, exclude_twice, f_number_of_blur
+from lfcore.optics.lens import Lens
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
 from lfcore.progress import Progress
@@ -71,6 +73,7 @@ class LightField(LightFieldFile):
         normalise: str = "aperture",
         keep_magnification: bool = False,
         half: str | None = None,
+        lens: Lens | str | Path | None = None,
     ) -> SensorPlane:
         """Describe one picture: its focus and aperture.
 
@@ -84,8 +87,8 @@ class LightField(LightFieldFile):
             recorded focus, more is nearer.
         aperture_views : float, optional
             Instead of an f-number: the aperture's diameter in views.
-        blades, rotation_deg, normalise, keep_magnification, half : optional
-            As in :class:`SensorPlane`.
+        blades, rotation_deg, normalise, keep_magnification, half, lens : optional
+            As in :class:`SensorPlane`; a lens may be its file.
 
         Raises
         ------
@@ -98,7 +101,7 @@ class LightField(LightFieldFile):
             exclude_twice(f_number=f_number, blur=blur, aperture_views=aperture_views)
             metric = {
                 "focus_m": focus_m, "focus_at": focus_at, "f_number": f_number, "blur": blur,
-                "keep_magnification": keep_magnification or None,
+                "keep_magnification": keep_magnification or None, "lens": lens,
             }  # fmt: skip
             for key in (key for key, value in metric.items() if value is not None):
                 self.require_metric(key)
@@ -123,7 +126,7 @@ class LightField(LightFieldFile):
             plane = SensorPlane.of(
                 slab.camera, distance, f_number, aperture, blades=blades,
                 rotation_deg=rotation_deg, normalise=normalise,
-                keep_magnification=keep_magnification, half=half,
+                keep_magnification=keep_magnification, half=half, lens=lens,
             )  # fmt: skip
             plane.check(slab)
             plane.lens_aperture(slab)

@@ -11,9 +11,13 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from lfcore.optics.camera import Camera
+from lfcore.colour import srgb_encode
+from lfcore.optics.camera import Camera, image_distance
+from lfcore.optics.lens import Lens
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.ray_cells import displaced_views
 from lfcore.optics.slab import Slab
+from lfcore.refocus.depth_slicing import DepthSlicer
 
 FOLDER = Path(__file__).parent
 BLUE, RED, GREEN, GREY = "#2a63b0", "#c0392b", "#2e7d4f", "#555555"
@@ -107,6 +111,33 @@ STAGES = [
 ]
 
 
+def bokeh(figure) -> None:
+    """Points of light out of focus: blades, cat's eyes of a double Gauss, rings of a magnifier."""
+    panels = (
+        ("six blades, a perfect lens", None, 2.1, 0.35, 9.0, "polygon", 0.72),
+        ("double Gauss, f/2.1, behind the focus", "dgauss.dat", 2.1, 0.35, 9.0, "circle", 0.72),
+        ("magnifying glass, f/2.8, before the focus", "singlet.dat", 2.8, 4.0, 0.5, "circle", 0.2),
+    )
+    for axes, (name, file, f_number, focus, depth, shape, field) in zip(
+        figure.subplots(1, 3), panels, strict=True
+    ):
+        lens = file and Lens.read(FOLDER.parent / "examples" / file).colours[0]
+        plane = SensorPlane(focus, f_number, shape, lens=lens)
+        camera = Camera(0.05, field * image_distance(0.05, focus), f_number, focus)
+        views, apart = displaced_views(Slab(camera, 16, 192)), field * depth / 5
+        slicer = DepthSlicer(views, [plane], 192)
+        for k in range(16**2):
+            origin, way = views.bundles(slice(k, k + 1)).rays()
+            at = ((origin + depth * way)[..., :2] + apart / 2) % apart - apart / 2
+            light = np.float32(np.hypot(at[..., 0], at[..., 1]) < 0.06 * apart)
+            light = np.repeat(light[..., None], 3, -1)
+            slicer.add(slice(k, k + 1), light, np.full(light.shape[:3], np.float32(depth)))
+        picture = slicer.pictures()[0]
+        axes.imshow(srgb_encode(picture / picture.max()))
+        axes.set_title(name, fontsize=10)
+        axes.axis("off")
+
+
 def way_of_a_block(axes) -> None:
     """The stages of a block, from rays to light and depth."""
     for k, (name, inside, out) in enumerate(STAGES):
@@ -139,6 +170,9 @@ def main() -> None:
     figure = plt.figure(figsize=(9, 2.5))
     apertures(figure)
     _save(figure, "optics_apertures.svg")
+    figure = plt.figure(figsize=(12, 4.3))
+    bokeh(figure)
+    _save(figure, "optics_bokeh.png")
 
 
 def _save(figure, name: str) -> None:

@@ -70,6 +70,9 @@ KINDS: dict[str, dict[str, Any]] = {
     "aperture": {"type": values.aperture, "metavar": "SHAPE",
                  "help": "circle, square, diamond, or polygon[:BLADES[:DEGREES]] (circle); a half: "
                  "left, square:left"},
+    "lens": {"metavar": "FILE",
+             "help": "a lens with its aberrations and vignetting, scaled to the camera's focal "
+             "length: pbrt's table of surfaces (.dat), or Zemax text (.zmx) (a perfect lens)"},
     "normalise": {"choices": NORMALISATIONS,
                   "help": "by the open samples of the aperture, or by all of the lens, so that the "
                   "picture dims as the lens stops down (aperture)"},

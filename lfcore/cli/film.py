@@ -11,7 +11,8 @@ from lfcore.files import make_folder
 from lfcore.pictures import check_suffix
 from lfcore.scene.view import LIGHTFIELD, View
 
-SLAB_OPTIONS = ("pixels", "views", "subpixels", "quality_db", "focus", "f_number", "plane")
+SLAB_OPTIONS = ("pixels", "views", "subpixels", "quality_db", "focus", "f_number", "plane",
+                "lens")  # fmt: skip
 """The options that select a picture from a light slab instead of the scene's own film."""
 FILM_OPTIONS = ("samples", "white")
 """The options that only the scene's own film has."""

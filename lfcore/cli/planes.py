@@ -25,6 +25,7 @@ READ = {
     "f_number": values.f_number,
     "blur": values.blur,
     "aperture": values.aperture,
+    "lens": lambda text: {"lens": text},
     "normalise": lambda text: {"normalise": text},
     "keep_magnification": lambda text: {"keep_magnification": values.truth(text)},
 }
@@ -37,7 +38,7 @@ def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
     """Add the options of pictures of a light field file, or of a scene."""
     picture = command.add_argument_group("the picture")
     add_focus(picture, of_file=of_file)
-    add(picture, "aperture", "normalise", "bits", "exposure", "sensor")
+    add(picture, "aperture", "lens", "normalise", "bits", "exposure", "sensor")
     picture.add_argument(
         "--dual-pixel", action="store_true",
         help="write what the left and the right half of the aperture see, too, FILE_left and "

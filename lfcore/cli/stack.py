@@ -201,7 +201,7 @@ def options(command: argparse.ArgumentParser) -> None:
         "--f-number", nargs="+", type=values.f_number, metavar="F", default=[],
         help="f-numbers, or widths in views: 7views (the whole lens)",
     )  # fmt: skip
-    add(stack, "aperture", "normalise")
+    add(stack, "aperture", "lens", "normalise")
     form = command.add_argument_group("form")
     form.add_argument("--sheet", action="store_true", help="all pictures in one")
     form.add_argument(
@@ -248,7 +248,7 @@ def stack_planes(arguments: argparse.Namespace, field: lfcore.LightField) -> lis
     ranges = arguments.focus or ([{}] if arguments.f_number else [focus(f"near:far:{steps}")])
     distances = [distance for each in ranges for distance in _evenly(each, field)]
     plane_options.check_count(len(lens) * len(distances))
-    same = plane_options.settings(arguments, "aperture", "normalise")
+    same = plane_options.settings(arguments, "aperture", "lens", "normalise")
     return [
         plane_options.make_plane(field, {**same, "focus": distance, "f_number": aperture})
         for distance in distances for aperture in lens

@@ -4,13 +4,15 @@ Lens space has the film in z = 0 and the scene at +z, x and y as in camera space
 format is pbrt's: one surface per line from the front (scene side) to the back, ``curvature radius,
 thickness to the next surface, index behind it, aperture diameter`` in millimetres.  A radius of 0
 is the aperture stop, and a positive radius bulges towards the scene.  The last thickness is the
-distance to the film.  Source: Kolb, Mitchell, Hanrahan, "A Realistic Camera Model for Computer
-Graphics", SIGGRAPH 1995; pbrt 6.4.
+distance to the film.  A fifth column may have the Abbe number behind the surface, 0 for none.
+Source: Kolb, Mitchell, Hanrahan, "A Realistic Camera Model for Computer Graphics", SIGGRAPH 1995;
+pbrt 6.4.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +29,8 @@ _AXIAL_GRID = 256
 """The rays per side that measure the exit pupil's area on the axis."""
 _REAR_REACH = 1.5
 """The half width of the search for the exit pupil, in radii of the last surface."""
+LINES_UM = {"C": 0.65627, "d": 0.58756, "F": 0.48613}
+"""The wavelengths of the Fraunhofer lines of an Abbe number, micrometres."""
 _FOCUS_STEPS = 60
 """The most steps of the fixed point for the film's place; far from the lens, ten are enough."""
 
@@ -36,13 +40,14 @@ class LensSystem:
     """The surfaces from front to back; arrays (K,) float64, metres.
 
     ``index`` is the refractive index behind each surface.  ``aperture_m`` are radii.  ``radius_m``
-    is 0 at the stop.
+    is 0 at the stop.  ``abbe`` are the Abbe numbers behind each surface, 0 without dispersion.
     """
 
     radius_m: np.ndarray
     thickness_m: np.ndarray
     index: np.ndarray
     aperture_m: np.ndarray
+    abbe: np.ndarray | None = None
 
     @classmethod
     def read(cls, path: str | Path) -> LensSystem:
@@ -51,18 +56,43 @@ class LensSystem:
             lines = Path(path).read_text(encoding="utf-8").splitlines()
             lines = [line for line in lines if line.split("#")[0].strip()]
             rows = np.loadtxt(lines, ndmin=2) if lines else np.zeros((0, 4))
-            if rows.shape[1] != 4 or not np.isfinite(rows).all():
-                raise ValueError("its lines are not four finite numbers")
+            if rows.shape[1] not in (4, 5) or not np.isfinite(rows).all():
+                raise ValueError("its lines are not four or five finite numbers")
         except (OSError, ValueError) as error:
-            remedy = "Write radius, thickness, index and aperture diameter in millimetres"
+            remedy = "Write radius, thickness, index, aperture diameter in mm, Abbe number if known"
             problem = f"lens file cannot be read: {error}"
             raise OpticsError(problem, file=path, remedy=remedy) from None
         if not len(rows):
             raise OpticsError("the lens file holds no surface", file=path)
-        radius, thickness, index, diameter = rows.T * np.array([[1e-3, 1e-3, 1, 1e-3]]).T
-        if (diameter <= 0).any() or (thickness[:-1] < 0).any():
-            raise OpticsError("an aperture or thickness is not positive", file=path)
-        return cls(radius, thickness, np.where(index == 0, 1.0, index), diameter / 2)
+        radius, thickness, index, diameter = rows.T[:4] * np.array([[1e-3, 1e-3, 1, 1e-3]]).T
+        abbe = rows.T[4] if rows.shape[1] == 5 else None
+        index = np.where(index == 0, 1.0, index)
+        behind = np.append(thickness[:-1], 0)  # the film may be anywhere: it is focused
+        for wrong, problem in (
+            (diameter <= 0, "the aperture diameter is not positive"),
+            (behind < 0, "the thickness is negative: surfaces overlap"),
+            (index < 1, "the index is less than 1"),
+            (np.zeros(1) if abbe is None else abbe < 0, "the Abbe number is negative"),
+        ):
+            if wrong.any():
+                row = f"surface {np.flatnonzero(wrong)[0] + 1}"
+                raise OpticsError(problem, file=path, key=row, remedy="Correct this line")
+        return cls(radius, thickness, index, diameter / 2, abbe)
+
+    def at_wavelength(self, wavelength_um: float) -> LensSystem:
+        """The lens for another colour than d, by Cauchy's n = A + B / wavelength^2."""
+        if self.abbe is None or not self.abbe.any():
+            return self
+        powers = {line: wavelength**-2 for line, wavelength in LINES_UM.items()}
+        abbe = np.where(self.abbe > 0, self.abbe, np.inf)
+        slope = (self.index - 1) / abbe / (powers["F"] - powers["C"])
+        return replace(self, index=self.index + slope * (wavelength_um**-2 - powers["d"]))
+
+    def reversed(self, start_m: float) -> LensSystem:
+        """The lens for rays from the scene; they start ``start_m`` behind the front vertex."""
+        thickness = np.append(self.thickness_m[-2::-1], -start_m)
+        index = np.append(self.index[-2::-1], 1.0)
+        return LensSystem(-self.radius_m[::-1], thickness, index, self.aperture_m[::-1])
 
     @property
     def film_distance_m(self) -> float:
@@ -113,24 +143,27 @@ class LensSystem:
         The axial object is ``distance_m`` before the front vertex.
         """
         start = (1.0, 0.0) if math.isinf(distance_m) else (distance_m, 1.0)
-        height, angle = self._paraxial(*start)
+        height, angle = self.paraxial(*start)
         return -height / angle if angle else math.inf
 
-    def _paraxial(self, height: float, angle: float) -> tuple[float, float]:
-        """The height at the last surface, and the angle behind it, of a paraxial ray."""
-        before = 1.0
-        for k, radius in enumerate(self.radius_m):
+    def paraxial(self, height: float, angle: float, last: int | None = None) -> tuple[float, float]:
+        """The height at surface ``last``, and the angle behind it, of a paraxial ray.
+
+        The ray is given by its height at the front vertex and its angle before it.
+        """
+        before, last = 1.0, len(self.radius_m) - 1 if last is None else last
+        for k, radius in enumerate(self.radius_m[: last + 1]):
             power = (self.index[k] - before) / radius if radius else 0.0
             angle = (before * angle - height * power) / self.index[k]
             before = self.index[k]
-            if k < len(self.radius_m) - 1:
+            if k < last:
                 height += angle * self.thickness_m[k]
         return height, angle
 
     @property
     def focal_length_m(self) -> float:
         """The effective paraxial focal length."""
-        _, angle = self._paraxial(1.0, 0.0)
+        _, angle = self.paraxial(1.0, 0.0)
         return -1.0 / angle if angle else math.inf
 
     @property
@@ -152,20 +185,31 @@ class LensSystem:
         Returns origins on the front surface, unit directions, and an (R,) bool mask of the rays
         that pass.
         """
-        o = np.array(origins, np.float64)
-        d = np.array(directions, np.float64)
-        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        o, d = (np.array(each, np.float64) for each in (origins, directions))
         alive = d[:, 2] > 0
+        for step in self.steps(o, d):
+            k, hit, _, passed = step
+            alive &= passed & ((hit[:, :2] ** 2).sum(1) <= self.aperture_m[k] ** 2)
+        _, hit, bent, _ = step
+        whole = alive[:, None]
+        return np.where(whole, hit, o), np.where(whole, bent, d), alive
+
+    def steps(
+        self, o: np.ndarray, d: np.ndarray
+    ) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
+        """Yield each surface that rays (R, 3) meet, whatever its aperture.
+
+        Its number, the hits, unit directions behind it, and an (R,) bool mask of rays that hit it
+        and are refracted.
+        """
+        d = d / np.linalg.norm(d, axis=1, keepdims=True)
         for k in range(len(self.radius_m) - 1, -1, -1):
-            hit, normal, is_hit = self._hit(k, o, d)
-            alive &= is_hit & ((hit[:, :2] ** 2).sum(1) <= self.aperture_m[k] ** 2)
+            o, normal, passed = self._hit(k, o, d)
             if normal is not None:
                 next_index = 1.0 if k == 0 else self.index[k - 1]
-                bent, passed = _refract(d, normal, self.index[k] / next_index)
-                alive &= passed
-                d = np.where(alive[:, None], bent, d)
-            o = np.where(alive[:, None], hit, o)
-        return o, d, alive
+                d, refracted = _refract(d, normal, self.index[k] / next_index)
+                passed &= refracted
+            yield k, o, d, passed
 
     def _hit(
         self, k: int, o: np.ndarray, d: np.ndarray

@@ -11,13 +11,16 @@ sensor's magnification is kept, tangents are then multiplied by v'/v about the c
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from numbers import Real
+from pathlib import Path
 
 import numpy as np
 
 from lfcore.errors import OpticsError, check_kind, check_known, suggest_keywords
 from lfcore.optics.camera import Camera, check_focus, image_distance
+from lfcore.optics.lens import Lens
 from lfcore.optics.size import MOST_PIXELS, whole_number
 from lfcore.optics.slab import Slab
 
@@ -118,6 +121,9 @@ class SensorPlane:
     half : str, optional
         ``left``, ``right``, ``top`` or ``bottom``: one half of the aperture, as one of the two
         pixels under a microlens of a dual-pixel sensor sees it.
+    lens : Lens, optional
+        A lens from a file, with its aberrations and vignetting, scaled to the camera's focal
+        length.  Default: a perfect thin lens.
 
     Examples
     --------
@@ -134,11 +140,13 @@ class SensorPlane:
     keep_magnification: bool = False
     pixels: int | None = None
     half: str | None = None
+    lens: Lens | None = None
 
     def __post_init__(self) -> None:
         check_known(OpticsError, "normalise", self.normalise, NORMALISATIONS, "normalisation")
         if self.half is not None:
             check_known(OpticsError, "half", self.half, HALVES)
+        object.__setattr__(self, "lens", Lens.of(self.lens))
         if self.pixels is not None:
             object.__setattr__(self, "pixels", whole_number("pixels", self.pixels, MOST_PIXELS))
 
@@ -155,17 +163,21 @@ class SensorPlane:
         normalise: str = "aperture",
         keep_magnification: bool = False,
         half: str | None = None,
+        lens: Lens | str | Path | None = None,
     ) -> SensorPlane:
         """Make a plane whose focus and f-number are the camera's by default.
 
-        Parameters are the fields.  :meth:`check` compares the plane with the camera.
+        Parameters are the fields; a lens may be its file, and is stopped down to its own widest
+        f-number if none is given.  :meth:`check` compares the plane with the camera.
         """
+        lens = Lens.of(lens)
         for key, value in (("focus_m", focus_m), ("f_number", f_number)):
             check_kind(value, Real | None, key, "a number")
         return cls(
             camera.focus_m if focus_m is None else float(focus_m),
-            camera.f_number if f_number is None else float(f_number),
-            aperture, blades, rotation_deg, normalise, keep_magnification, half=half,
+            max(camera.f_number, lens.f_number if lens else 0)
+            if f_number is None else float(f_number),
+            aperture, blades, rotation_deg, normalise, keep_magnification, half=half, lens=lens,
         )  # fmt: skip
 
     @property
@@ -202,6 +214,9 @@ class SensorPlane:
         """Raise :class:`OpticsError` if the slab lacks this plane's rays."""
         camera = slab.camera
         check_focus(self.focus_m, camera.focal_length_m, key="focus_m")
+        if self.lens is not None:
+            self.lens.film(self.focus_m, camera.focal_length_m)
+            self.lens.check_f_number(self.f_number)
         if not self.f_number >= camera.f_number * (1 - 1e-9):
             lens = f"f/{camera.f_number:g}"
             problem = f"aperture f/{self.f_number:g} is wider than the lens, {lens}"
@@ -252,4 +267,15 @@ class SensorPlane:
         return slab.lens_positions() * ((self.delta - slab.camera.delta) / slab.pixel_pitch)
 
     def to_json(self) -> dict:
-        return asdict(self)
+        """The fields by key, without ``lens``."""
+        data = asdict(replace(self, lens=None))
+        del data["lens"]
+        return data
+
+
+def refuse_lens(planes: Sequence[SensorPlane], what: str, remedy: str) -> None:
+    """Raise :class:`OpticsError` for a method that can only form pictures of a perfect lens."""
+    for plane in planes:
+        if plane.lens is not None:
+            problem = f"{what} has no lenses from files"
+            raise OpticsError(problem, file=plane.lens.path, key="lens", remedy=remedy)

@@ -21,6 +21,21 @@ LEAST_UNITS = 1024.0
 """The least sum, in units, that determines a colour: each added part may be off by one."""
 MOST_DIOPTRES = 3e38
 """The inverse depth above which there is no ray: depth 0."""
+LENS_NODES = 33
+"""The nodes per axis of a view's grid behind a lens from a file, see NODE."""
+LENS_EXTENT = 1.25
+"""The side of that grid, in longer sides of the picture."""
+NODE = {
+    "displacement": slice(0, 2),  # of rays from where a perfect lens takes them, pixels
+    "middle": slice(2, 4),  # from the middle of the cell's part in the aperture, metres
+    "side": slice(4, 6),  # over that part's
+    "sweep": slice(6, 8),  # change of the displacement across the lens, pixels per metre
+    "blur": slice(8, 10),  # square of a box's side, for the rest of this change, pixels^2
+    "share": slice(10, 11),  # of the rays inside the aperture that pass the lens
+    "reach": slice(11, 12),  # how much farther light goes up or down about this row, pixels
+    "reach_m": slice(12, 13),  # likewise, metres of the lens
+}
+"""The parts of a node: how the rays of a view's cell land there.  The rest of 16 floats is 0."""
 
 CONSTANTS = {
     "ABREAST": ABREAST,
@@ -42,6 +57,8 @@ CONSTANTS = {
     # Powers of the inverse of the plastic number: M. Roberts' sequence R2 over a view's rays.
     "DITHER_X": 0.7548777,
     "DITHER_Y": 0.5698403,
+    "LENS_NODES": LENS_NODES,
+    "LENS_EXTENT": LENS_EXTENT,
 }
 SLICING_ARGUMENTS = np.dtype([
     ("views", INT),
@@ -57,6 +74,8 @@ SLICING_ARGUMENTS = np.dtype([
     ("empty", FLOAT),  # radiance of pixels without rays
     ("parts", INT),  # 2: `shown` and `reflections` are there
     ("sparse", INT),  # 1: `present` is there
+    ("axis_x", FLOAT),  # the optical axis's place in the picture
+    ("axis_y", FLOAT),
 ])  # fmt: skip
 PLACED_VIEW = np.dtype([
     ("x", FLOAT),  # position of pixel (0, 0)'s ray, pixels of the picture
@@ -91,11 +110,17 @@ KERNELS = {
     "join_rays": _RAYS | given(numbers="SlicingArguments") | write(fours="Squares"),
     # fours of join_rays; ranges (views, rows): the least and the largest depth of a row; views
     # (planes, views); used (planes, strips): a bit per layer with light; present (views, rows of
-    # patches, patches of a row): whether any ray of PATCH_ROWS x PATCH_COLUMNS is there.
+    # patches, patches of a row): whether any ray of PATCH_ROWS x PATCH_COLUMNS is there; lens
+    # (planes, views, LENS_NODES, LENS_NODES): NODE by row and column, if LENS.
     "add_rays": _RAYS
     | given(numbers="SlicingArguments")
     | read(
-        fours="Squares", ranges="float2", views="PlacedView", planes="FocusPlane", present="uchar"
+        fours="Squares",
+        ranges="float2",
+        views="PlacedView",
+        planes="FocusPlane",
+        present="uchar",
+        lens="float16",
     )
     | _SUMS,
     # rooms (rows, width): the weight of all rays per pixel; room_rows (LAYERS, height): the row of

@@ -38,6 +38,7 @@ from lfcore.refocus.depth_program import (
     SLICING_ARGUMENTS,
     SQUARES,
 )
+from lfcore.refocus.lens_views import LensViews
 from lfcore.refocus.placed_views import PlacedViews
 from lfcore.storage.depth_stream import DepthCodes
 
@@ -160,6 +161,7 @@ class DepthSlicer:
             )
         self.views, self.planes = views, list(planes)
         self.device = device or open_device()
+        self._behind_lens = any(plane.lens for plane in planes)
         placed = [self._place(plane, pixels, bounds_px, long_sums=stops > 0) for plane in planes]
         self._placed = placed
         bounds, large = len(placed[0].bounds_px), pixels >= LARGE_FROM
@@ -168,6 +170,7 @@ class DepthSlicer:
         defines: dict[str, Any] = {
             "N_BOUNDS": bounds, "LONG_SUMS": stops > 0, "COARSE": coarse,
             "FOURS": fours, "HALVED": large, "STORED": codes is not None,
+            "LENS": self._behind_lens,
         }  # fmt: skip
         self._table = np.ones(1, np.float32) if codes is None else codes.table
         self._codes = np.zeros((0, 0, 0), self._table.dtype)
@@ -187,6 +190,7 @@ class DepthSlicer:
             SLICING_ARGUMENTS, views=0, columns=slab.size.width, rows=0, first_row=0,
             strip_rows=rows, width=width, height=height, white=2.0**-dropped,
             brightest=2.0**stops, empty=empty, parts=1, sparse=0,
+            axis_x=pixels / 2 - self.left, axis_y=pixels / 2 - self.top,
             least_box=min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels,
         )  # fmt: skip
         self._strips = -(-self.size.height // rows)
@@ -200,7 +204,8 @@ class DepthSlicer:
         self, plane: SensorPlane, pixels: int, bounds_px: Sequence[float] | None, *, long_sums: bool
     ) -> PlacedViews:
         """The views on a plane; parameters are as for :class:`PlacedViews`."""
-        return PlacedViews(self.views, plane, pixels, bounds_px, long_sums=long_sums)
+        kind = LensViews if self._behind_lens else PlacedViews
+        return kind(self.views, plane, pixels, bounds_px, long_sums=long_sums)
 
     @property
     def bounds_px(self) -> list[tuple[float, ...]]:
@@ -276,23 +281,27 @@ class DepthSlicer:
             if size > self._fours.size:
                 self._fours = device.empty(size)
             join(patches[0], views, numbers=numbers, fours=self._fours, **rays)
+        grids = [each.nodes for each in self._placed if each.nodes is not None]
         self._add(
             self._strips, len(self.planes), numbers=numbers, fours=self._fours,
             present=None if present is None else device.buffer(present),
             ranges=device.buffer(ranges), planes=self._planes, sums=self._sums, used=self._used,
-            views=device.buffer(np.ascontiguousarray(self._view_records[:, part])), **rays,
+            views=device.buffer(np.ascontiguousarray(self._view_records[:, part])),
+            lens=device.buffer(np.stack([nodes[part] for nodes in grids])) if grids else None,
+            **rays,
         )  # fmt: skip
         device.queue.finish()
 
     def pictures(
-        self, shown: "DepthSlicer | None" = None, reflections: np.ndarray | None = None
-    ) -> np.ndarray:
+        self, shown: "DepthSlicer | None" = None, reflections: np.ndarray | None = None,
+        *, vignetted: bool = True,
+    ) -> np.ndarray:  # fmt: skip
         """(P, height, width, 3) float32, linear light, of all rays; the sums are lost.
 
         A pixel is divided by the weight of its rays.  With ``normalise='lens'`` the picture then
         dims as the lens stops down.  Pixels without rays are ``empty``.  ``reflections``
         (P, height, width, 3) are added where ``shown``, which has some of the rays, covers the
-        picture.
+        picture.  Without ``vignetted``, a lens from a file does not darken the picture.
         """
         device, numbers = self.device, self._numbers.copy()
         numbers["parts"] = 1 if shown is None else 2
@@ -311,6 +320,8 @@ class DepthSlicer:
             device.collect(target, picture)  # rooms are kept until the kernel has run
             device.forget(self._sums, number, len(self.planes))
             plane = placed.plane
+            if vignetted and placed.illumination is not None:
+                picture *= placed.illumination
             if plane.normalise == "lens":
                 picture *= placed.cells.share.mean() / plane.magnification(self.views.slab) ** 2
         return pictures

@@ -24,7 +24,7 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, cl, open_device
 from lfcore.opencl.kernel import Kernel
 from lfcore.optics.plane_sums import FIXED_ONE
-from lfcore.optics.planes import SensorPlane
+from lfcore.optics.planes import SensorPlane, refuse_lens
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import crop, normalise
 from lfcore.refocus.shift_sum import (
@@ -244,6 +244,7 @@ def _check(slab: Slab, planes: Sequence[SensorPlane], tolerance_px: float) -> No
     for plane in planes:
         plane.check(slab)
         plane.check_pixels(slab.pixels)
+    refuse_lens(planes, "a fast focal stack", "Use slicing")
     if any(plane.keep_magnification for plane in planes):
         raise OpticsError(
             "a fast focal stack cannot keep the magnification",

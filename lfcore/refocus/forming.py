@@ -7,7 +7,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError, check_known
 from lfcore.opencl.device import Device
-from lfcore.optics.planes import MOST_PLANES, SensorPlane
+from lfcore.optics.planes import MOST_PLANES, SensorPlane, refuse_lens
 from lfcore.optics.size import Pixels
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.resampling import FILTERS
@@ -48,6 +48,7 @@ def form_pictures(
         raise OpticsError(f"there are {len(planes)} planes", file=field.path, remedy=remedy)
     if filter == "depth":
         return slice_stored(field, planes, pixels, device=device, progress=progress)
+    refuse_lens(planes, f"the filter {filter!r}", "Use the filter depth, of a file with depth")
     if pixels is not None:
         side = picture_side(field, pixels)
         planes = [replace(plane, pixels=side) for plane in planes]

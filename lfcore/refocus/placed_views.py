@@ -124,6 +124,16 @@ class PlacedViews:
             pitch=self.views.slab.lens_pitch_m, bounds=bounds,
         )  # fmt: skip
 
+    @property
+    def nodes(self) -> np.ndarray | None:
+        """What a lens from a file does, see NODE; None for perfect lenses alone."""
+        return None
+
+    @property
+    def illumination(self) -> np.ndarray | None:
+        """The factor by which a lens from a file darkens each pixel; None for a perfect lens."""
+        return None
+
     def rooms(self, layers: int) -> tuple[np.ndarray, np.ndarray]:
         """The weight of all rays per pixel, as if each had a layer's typical sweep.
 

@@ -11,6 +11,7 @@ from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import all_samples
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
+from lfcore.refocus.lens_views import colour_planes, merged_colours
 from lfcore.refocus.stored_views import add_frames, frame_planes, read_own_views
 from lfcore.refocus.two_parts import Part, TwoPartSlicer
 from lfcore.storage.lightfield import LightFieldFile
@@ -46,13 +47,15 @@ def slice_stored(
             file=field.path, key="pixels", remedy="Give fewer pixels",
         )  # fmt: skip
     room = max(1, planes_at_a_time(device, size, layout.stops) // kinds)
-    groups = [planes[first : first + room] for first in range(0, len(planes), room)]
+    formed = colour_planes(planes)
+    groups = [formed[first : first + room] for first in range(0, len(formed), room)]
     pictures = []
     for number, group in enumerate(groups):
         report = part_of(progress, number, len(groups))
         pictures.append(_slice(field, group, side, device, report))
         field.close()  # decoders hold more memory than pictures
-    return pictures[0] if len(pictures) == 1 else np.concatenate(pictures)  # concatenation copies
+    made = pictures[0] if len(pictures) == 1 else np.concatenate(pictures)  # concatenation copies
+    return merged_colours(planes, made)
 
 
 def _slice(

@@ -115,4 +115,4 @@ class TwoPartSlicer:
         if self._specular is None:
             return self._body.pictures()
         shown, images = self._specular
-        return self._body.pictures(shown, images.pictures())
+        return self._body.pictures(shown, images.pictures(vignetted=False))

@@ -15,6 +15,7 @@ from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
+from lfcore.refocus.lens_views import colour_planes, lens_margin, merged_colours
 from lfcore.refocus.two_parts import Part, TwoPartSlicer
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.exposure import ExposedTracer, ray_times, view_times
@@ -42,6 +43,22 @@ def pictures_by_depth(
     pictures too large for the device's memory.
     """
     planes, size = list(planes), Size.of(pixels)
+    if margin := lens_margin(planes, camera, size):
+        wide = Size(*(side + 2 * margin for side in size))
+        camera = replace(camera, sensor_width_m=camera.sensor_width_m * wide.shorter / size.shorter)
+        whole = _pictures(tracer, camera, planes, wide, lattice, progress)
+        return np.ascontiguousarray(whole[:, margin:-margin, margin:-margin])
+    return _pictures(tracer, camera, planes, size, lattice, progress)
+
+
+def _pictures(
+    tracer: Tracer,
+    camera: Camera,
+    planes: Sequence[SensorPlane],
+    size: Size,
+    lattice: Lattice,
+    progress: Progress | None,
+) -> np.ndarray:
     if len(planes) == 1:
         return _focused(tracer, camera, planes[0], size, lattice, progress)[None]
     lens = traced_camera(camera, planes)
@@ -49,12 +66,13 @@ def pictures_by_depth(
     # Each group of planes traces the rays again.
     room = planes_at_a_time(tracer.device, size, tracer.needs.stops)
     room = max(1, room // 2) if tracer.needs.specular else room
-    groups = [planes[first : first + room] for first in range(0, len(planes), room)]
+    formed = colour_planes(planes)
+    groups = [formed[first : first + room] for first in range(0, len(formed), room)]
     parts = []
     for number, group in enumerate(groups):
         tell = part_of(progress, number, len(groups))
         parts.append(trace_by_depth(tracer, views, group, size.longer, progress=tell))
-    pictures = np.concatenate(parts)
+    pictures = merged_colours(planes, np.concatenate(parts))
     for picture, plane in zip(pictures, planes, strict=True):
         if plane.normalise == "lens":  # of the whole lens, not of the traced part
             picture *= (camera.f_number / lens.f_number) ** 2
@@ -79,7 +97,9 @@ def _focused(
     slab = Slab.of(traced_camera(camera, [plane]), lattice, size)
     views = views_of(slab, displaced=lattice.displaced)
     stopped = replace(plane, normalise="aperture", keep_magnification=False)
-    picture = trace_by_depth(tracer, views, [stopped], size.longer, progress=progress)[0]
+    formed = colour_planes([stopped])
+    traced = trace_by_depth(tracer, views, formed, size.longer, progress=progress)
+    picture = merged_colours([stopped], traced)[0]
     if plane.normalise == "lens":
         # The part of the scene's lens that is open: the aperture's of the square that was traced,
         # times that square's of the lens, whose diameters are as 1 / f-number.

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,9 +19,10 @@ from numpy.typing import ArrayLike
 from lfcore.errors import SceneError, check_kind, printable, suggest_keywords
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange
+from lfcore.optics.lens import Lens
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
-from lfcore.scene import lens
+from lfcore.scene import lens as scene_lens
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.checks import check_scene
@@ -301,14 +303,14 @@ class Scene:
     @cached_property
     def is_pinhole(self) -> bool:
         """Whether the lens is too small to blur any visible point."""
-        return lens.is_pinhole(self)
+        return scene_lens.is_pinhole(self)
 
     def with_lens(self) -> Scene:
         """The scene with a lens fitted to the visible depths, as for a mesh without camera.
 
         The focus stays if it is within the visible depths, else it is their middle.
         """
-        return lens.with_lens(self)
+        return scene_lens.with_lens(self)
 
     @suggest_keywords
     def plane(
@@ -325,6 +327,7 @@ class Scene:
         normalise: str = "aperture",
         keep_magnification: bool = False,
         half: str | None = None,
+        lens: Lens | str | Path | None = None,
     ) -> SensorPlane:
         """A picture's focus and aperture, for :func:`lfcore.render`.
 
@@ -346,8 +349,8 @@ class Scene:
             visible depths, a share of the picture's shorter side: 0.03 or ``"3%"``.
         pixels : int or (int, int)
             The picture's width and height where they differ, for ``focus_at``.
-        blades, rotation_deg, normalise, keep_magnification, half : optional
-            As in :class:`lfcore.SensorPlane`.
+        blades, rotation_deg, normalise, keep_magnification, half, lens : optional
+            As in :class:`lfcore.SensorPlane`; a lens may be its file.
 
         Raises
         ------
@@ -359,10 +362,12 @@ class Scene:
         >>> scene.plane("near", 4.0, "polygon", blades=5).f_number
         4.0
         """
-        focus_m, f_number = lens.focus_and_aperture(self, focus_m, f_number, focus_at, blur, pixels)
+        focus_m, f_number = scene_lens.focus_and_aperture(
+            self, focus_m, f_number, focus_at, blur, pixels
+        )
         return SensorPlane.of(
             self.camera, focus_m, f_number, aperture, blades=blades, rotation_deg=rotation_deg,
-            normalise=normalise, keep_magnification=keep_magnification, half=half,
+            normalise=normalise, keep_magnification=keep_magnification, half=half, lens=lens,
         )  # fmt: skip
 
     def has_alpha_test(self, material: Material) -> bool:

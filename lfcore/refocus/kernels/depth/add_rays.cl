@@ -3,6 +3,7 @@
 // If boxes are far wider than the distance of rays, 4 x 4 or 2 x 2 neighbours of about equal depth
 // share a box.  Squares of 4 x 4 rays (FOURS) are summed once for all planes.
 #include "add_boxes.cl"
+#include "lens.cl"
 #include "rays.cl"
 
 // The least width of a box that side x side rays share, in distances of rays.  Squares of 2 x 2
@@ -35,6 +36,7 @@ typedef struct {
     PlacedView view;
     int *used;  // bits of the layers with light
     global const uchar *present;  // of the view, if its rays are sparse
+    global const float16 *nodes;  // of the view behind a lens from a file
 } Adding;
 
 // Add the boxes that are wanted about column x and row y of the view, of side x side rays each
@@ -44,11 +46,17 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
 {
     const PlacedView *v = &a->view;
     const float least = a->rays->numbers->least_box;
+#if LENS
+    const float16 across = fma(x, a->plane.step, v->x);
+    const float down = fma(y, a->plane.step, v->y);
+    const Spread rays = land(a->rays->numbers, a->nodes, v, across, down, moves, least);
+#else
     const Spread rays = {.x = fma(x, a->plane.step, v->x) + v->offset_x * moves,
                          .y = fma(y, a->plane.step, v->y) + v->offset_y * moves,
                          .half_x = 0.5f * max(fabs(moves) * v->side_x, least),
                          .half_y = 0.5f * max(fabs(moves) * v->side_y, least),
                          .weight = (float16)(v->weight)};
+#endif
     const int16 layer = layer_of(moves * a->plane.pitch, a->plane.bounds);
     Boxes b;
     const float16 dither = (x * DITHER_X + y * DITHER_Y) * (1.0f / side) + v->dither;
@@ -128,7 +136,11 @@ inline int reaches(const Adding *a, float v, int rows, global const float2 *rang
     const float y = fma(v + 0.5f * (rows - 1), a->plane.step, a->view.y);
     const float more = HALVED ? 4.0f : 1.0f;  // pixels: what rounding and halved layers add
     const float box = max(most * a->view.side_y, a->rays->numbers->least_box);
-    const float reach = 0.5f * (box + rows * a->plane.step) + fabs(a->view.offset_y) * most;
+    float reach = 0.5f * (box + rows * a->plane.step) + fabs(a->view.offset_y) * most;
+#if LENS
+    const float16 node = row_at(a->rays->numbers, a->nodes, y)[0];
+    reach += node.sb + node.sc * most;
+#endif
     return y + reach + more >= a->strip->top &&
            y - reach - more <= a->strip->top + a->strip->rows;
 }
@@ -189,7 +201,9 @@ KERNEL void add_rays(add_rays_PARAMETERS)
         const int down = (rows + PATCH_ROWS - 1) / PATCH_ROWS;
         const int across = (numbers.columns + PATCH_COLUMNS - 1) / PATCH_COLUMNS;
         const ulong first = numbers.sparse ? (ulong)view * down * across : 0;
-        const Adding a = {&strip, &of, planes[plane], placed, &layers, present + first};
+        const ulong grid = (ulong)(plane * numbers.views + view) * LENS_NODES * LENS_NODES;
+        const Adding a = {&strip, &of, planes[plane], placed, &layers, present + first,
+                          lens + grid};
         for (int v = 0; v < rows; v += GROUP_ROWS) {
             global const float2 *range = ranges + (ulong)view * rows + v;
             const int count = min(GROUP_ROWS, rows - v);
