@@ -90,8 +90,8 @@ ROOM_STACKS = {"kind": "focal_stacks", "truth": False}
 def in_a_job(description: Description, chosen: list[int], folder: Path) -> tuple[float, list[dict]]:
     """Return the core seconds of items as a job makes them, and their records."""
     device, begun = open_device(threads=1), time.process_time()
-    paths = (folder / part for part in ("tar", "records", "drafts"))
-    records = make_batch(description, chosen, *paths, device)
+    shard, table, drafts = (folder / part for part in ("tar", "records", "drafts"))
+    records = make_batch(description, chosen, shard, table, drafts, device)
     return time.process_time() - begun, records
 
 

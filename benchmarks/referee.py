@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -162,8 +163,9 @@ def answers(file: Path, case: Case, tracer: Callable[[], Tracer]) -> Answers:
                 say(f"SKIPPED {method}: {skipped}")
                 continue
             found[f"{method}|{halves:d}"] = pictures
-            found[f"{method}|{halves:d}|s"] = seconds
-        np.savez(file, **found)
+            found[f"{method}|{halves:d}|s"] = np.array(seconds)
+        arrays: dict[str, Any] = found
+        np.savez(file, **arrays)
     kept = np.load(file)
     return {(key[:-2], key[-1] == "1"): (kept[key], float(kept[f"{key}|s"]))
             for key in kept if not key.endswith("|s")}  # fmt: skip

@@ -37,8 +37,9 @@ HELD_OUT = ["vase", "train", "plant", "lamp"]
 """The shapes of test scenes only."""
 TRAINED = ["ball", "block", "blob", "rod", "cone", "ring", "tower", "book", "armchair", "table",
            "globe"]  # fmt: skip
-LENS = {"focal_length_mm": 35, "sensor_width_mm": 24, "f_number": 1,
-        "focus_m": [0.8, 1.2, 2, 4, 8]}  # fmt: skip
+LENS: dict[str, Any] = {
+    "focal_length_mm": 35, "sensor_width_mm": 24, "f_number": 1, "focus_m": [0.8, 1.2, 2, 4, 8],
+}  # fmt: skip
 PLACES: dict[str, dict[str, Any]] = {
     "objects": {"pixels": 128, "placement": {
         "depth_m": [0.6, 6, "log"], "wall_m": [6.5, 9], "objects": [5, 12]}},
@@ -97,9 +98,8 @@ def made(folder: Path, split: str, counts: Mapping[str, int]) -> list[dict[str, 
         for index in range(count):
             file = folder / f"{kind}-{split}-{index:04d}.npz"
             if not file.exists():
-                np.savez(
-                    part := file.with_suffix(".part.npz"), **stack_of(description, index, split)
-                )
+                arrays: dict[str, Any] = stack_of(description, index, split)
+                np.savez(part := file.with_suffix(".part.npz"), **arrays)
                 part.rename(file)
             if arrays := dict(np.load(file)):  # none of a scene that makes no item
                 items.append({"name": file.stem, **arrays})
@@ -177,9 +177,13 @@ def training(file: Path, which: str, seed: int, steps: int, trains: list, tested
         begun, focus = time.process_time(), dioptres_of_focus()
         crops = batches(trains, which, seed)
         network, losses = depth_network.trained(crops, focus, steps, RATE, seed)
-        facts = {"seconds": time.process_time() - begun, "weights": depth_network.weights(network)}
-        found = {item["name"]: depth_network.found(network, item["focus"], focus)
-                 for item in tested}  # fmt: skip
+        facts: dict[str, Any] = {
+            "seconds": time.process_time() - begun,
+            "weights": depth_network.weights(network),
+        }
+        found: dict[str, Any] = {
+            item["name"]: depth_network.found(network, item["focus"], focus) for item in tested
+        }
         np.savez(part := file.with_suffix(".part.npz"), losses=losses, **facts, **found)
         part.rename(file)
     kept = np.load(file)

@@ -32,8 +32,8 @@ def fossa(
     reach = int(np.ceil(wide.max())) if reach is None else reach
     scale = np.where(wide > 1, wide, 1.0).astype(np.float32)
     given = np.dstack([sharp, np.ones_like(scale)]) * ((wide > 1) / scale**2)[..., None]
-    padded, wider = (np.pad(part, [(reach, reach)] * 2 + [(0, 0)] * (part.ndim - 2), mode=mode)
-                     for part, mode in ((given, "constant"), (scale, "edge")))  # fmt: skip
+    padded = np.pad(given, [(reach, reach), (reach, reach), (0, 0)])
+    wider = np.pad(scale, reach, mode="edge")
     total = np.zeros((*radius.shape, 4), np.float32)
     for y in range(-reach, reach + 1):
         for x in range(-reach, reach + 1):

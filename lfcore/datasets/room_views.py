@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +34,7 @@ CONE = (math.cos(math.radians(30)), math.cos(math.radians(89)))
 """The cosines of the angles to the vertical at which a ceiling lamp begins to fade and is dark."""
 
 
-def camera_of(room: Room, field: Sequence[float]) -> np.ndarray:
+def camera_of(room: Room, field: np.ndarray) -> np.ndarray:
     """Draw a person's view of the room, or one of things on a table; return (4, 4) to it.
 
     ``field`` is the width and height of what the camera sees at a distance of 1 m.
@@ -85,7 +84,7 @@ def _is_free(room: Room, eye: np.ndarray) -> bool:
 
 
 def _faults(
-    room: Room, eye: np.ndarray, to_camera: np.ndarray, field: Sequence[float]
+    room: Room, eye: np.ndarray, to_camera: np.ndarray, field: np.ndarray
 ) -> float:  # fmt: skip
     """Return by how much a view is too near to walls or to one thing, or too empty; 0: it is good.
 
@@ -127,9 +126,9 @@ def light_of(room: Room, to_camera: np.ndarray) -> tuple[list[Light], dict[str, 
         is_spot = reach > 1
         lights.append(replace(lamp, normal=triple(down), cone=CONE) if is_spot else lamp)
     bright = 0.02 if night else room.uniform(2.5, 5.0)
-    warm = room.uniform(0.0, 0.15)  # green lies between red and blue, or skies were lilac
+    tint = room.uniform(0.0, 0.15)  # green lies between red and blue, or skies were lilac
     sky = {
-        "horizon": (bright * np.array([1.0, 1 - warm / 2, 1 - warm])).tolist(),
+        "horizon": (bright * np.array([1.0, 1 - tint / 2, 1 - tint])).tolist(),
         "zenith": (bright * np.array([0.45, 0.7, 1.1])).tolist(),
     }
     if not night and room.rng.random() < 0.6:
