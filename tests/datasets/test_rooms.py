@@ -80,6 +80,18 @@ def test_a_room_is_a_scene_with_sky_lamps_and_an_owner_per_triangle():
     assert scene_digest(sample(of, 1).scene) == scene_digest(scene)
 
 
+def test_walls_floors_and_prints_have_the_users_textures(tmp_path):
+    lfcore.write_picture(tmp_path / "mine.png", np.full((8, 8, 3), 200, np.uint8))
+    materials, used = {"textures": str(tmp_path), "share_textured": 1}, set()
+    for index in range(3):
+        scene = sample(
+            PLAIN | {"placement": {"share_rooms": 1}, "materials": materials}, index
+        ).scene
+        mine = {k for k, texture in enumerate(scene.textures) if texture.shape[:2] == (8, 8)}
+        used |= {material.name for material in scene.materials if material.texture in mine}
+    assert {"wall", "floor", "print"} <= used
+
+
 @pytest.mark.kernels
 def test_rooms_are_exposed_as_by_a_camera(device):
     of = PLAIN | {"placement": {"share_rooms": 1}}
