@@ -15,7 +15,8 @@ LAYERS = 64
 
 
 @cache
-def _package():
+def package():
+    """Import it; raises :class:`SkippedError`."""
     try:
         import deeplens
     except ImportError as error:
@@ -32,8 +33,8 @@ def deeplens(
     """
     import torch
 
-    package, side = _package(), len(sharp)
-    lens = package.DefocusLens(
+    side = len(sharp)
+    lens = package().DefocusLens(
         foclen=1e3 * camera.focal_length_m, fnum=camera.f_number,
         sensor_size=(1e3 * camera.sensor_width_m,) * 2, sensor_res=(side, side), device="cpu",
     )  # fmt: skip
