@@ -121,7 +121,7 @@ def bokeh(figure) -> None:
     for axes, (name, file, f_number, focus, depth, shape, field) in zip(
         figure.subplots(1, 3), panels, strict=True
     ):
-        lens = file and Lens.read(FOLDER.parent / "examples" / file).colours[0]
+        lens = file and Lens.read(FOLDER.parents[1] / "scenes" / "lenses" / file).colours[0]
         plane = SensorPlane(focus, f_number, shape, lens=lens)
         camera = Camera(0.05, field * image_distance(0.05, focus), f_number, focus)
         views, apart = displaced_views(Slab(camera, 16, 192)), field * depth / 5

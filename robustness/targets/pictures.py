@@ -9,6 +9,7 @@ from PIL import Image
 
 from lfcore.exr import read_exr_picture
 from lfcore.optics.array import CameraArray
+from lfcore.optics.lens import Lens
 from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.pictures import write_picture
 from lfcore.readers.side_files import read_texture
@@ -85,6 +86,9 @@ def check_lens(file: Path) -> None:
     arrays = [*lens.trace(origins, rear - origins)]
     if zlib.crc32(file.read_bytes()) % 8 == 0:
         arrays += LensSampler(lens, 0.01).rays(film, np.full((2, 2), 0.4))
+        whole = Lens.read(file)
+        points, tangents = np.full((3, 2), 1e-3), np.array([[0, 0], [0.1, 0.2], [0.5, -0.4]])
+        arrays += whole.landing(points, tangents, 100.0, whole.focal_length_m)
     if not all(np.isfinite(array).all() for array in arrays):
         raise SilentlyWrong("rays that are not finite")
 

@@ -19,8 +19,8 @@ from lfcore.optics.ray_cells import displaced_views
 from lfcore.refocus.depth_slicing import DepthSlicer
 from lfcore.refocus.lens_views import colour_planes, lens_margin, merged_colours
 
-EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
-DGAUSS, WIDE = EXAMPLES / "dgauss.dat", EXAMPLES / "wide.dat"
+LENSES = Path(__file__).parents[2] / "scenes" / "lenses"
+DGAUSS, WIDE = LENSES / "dgauss.dat", LENSES / "wide.dat"
 SINGLET = "50 6 1.5 30\n-50 3 1 30\n0 45 0 20\n"
 """Biconvex, with a stop behind it: all errors are large."""
 
