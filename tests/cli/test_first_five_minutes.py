@@ -209,6 +209,7 @@ def test_every_command_that_is_shown_works_on_any_model(place, model, tmp_path, 
     monkeypatch.setattr(webbrowser, "open", opened.append)
     monkeypatch.setattr(http.server.ThreadingHTTPServer, "serve_forever", lambda self: None)
     Path("planes.csv").write_text("focus,f_number,aperture\nnear,2.8,circle\nfar,5.6,square\n")
+    Path("singlet.dat").write_text("50 6 1.5168 30 64.2\n-50 3 1 30 0\n0 45 1 20 0\n")
     for command in shown(texts()[place]):
         words = adapted(command, model)
         for word in words:
