@@ -185,17 +185,22 @@ def test_a_killed_batch_keeps_whole_scenes(tmp_path, monkeypatch):
     of, device, done = Description.check(SMALL), open_device(threads=1), []
     make = items.make_item
 
-    def killed(description, index, *more):
+    def killed(description, index, *more, **named):
         if len(done) == 2:
             raise KeyboardInterrupt
         done.append(index)
-        return make(description, index, *more)
+        return make(description, index, *more, **named)
 
     monkeypatch.setattr(items, "make_item", killed)
     with pytest.raises(KeyboardInterrupt):
         made_by(of, tmp_path, "batch", device)
     assert not (tmp_path / "batch.tar").exists() and done == [0, 1]
-    monkeypatch.setattr(items, "make_item", lambda *words: done.append(words[1]) or make(*words))
+
+    def counted(description, index, *more, **named):
+        done.append(index)
+        return make(description, index, *more, **named)
+
+    monkeypatch.setattr(items, "make_item", counted)
     made_by(of, tmp_path, "batch", device)
     assert done == [0, 1, 2]
 

@@ -110,6 +110,8 @@ def test_restormer_reads_dual_pixel_pairs(device, tmp_path):
         "kind": "dual_pixel", "codes": "srgb16", "quality_db": 38,
         "scenes": {"train": 0, "validation": 0, "test": 2},
         "lens": {"focus_m": [0.3], "f_number": 0.15},
+        # The images in mirrors and glass are out of focus where their surfaces are in focus.
+        "materials": {"share_polished": 0, "share_glass": 0, "share_coated": 0},
     })  # fmt: skip
     shard = tmp_path / "shard.tar"
     make_batch(of, [0, 1], shard, tmp_path / "records.json", tmp_path / "drafts", device)
