@@ -21,6 +21,7 @@ from .lightfield import LightField
 from .opencl.device import Device, open_device
 from .optics.array import CameraArray
 from .optics.camera import Camera
+from .optics.dual_pixel import dual_pixel_disparity
 from .optics.focus import DepthRange
 from .optics.grid_geometry import Geometry
 from .optics.lens import Lens
@@ -48,7 +49,8 @@ __version__: str
 __all__ = [
     "load_scene", "bake", "render", "render_to_quality", "record", "trace_array", "write_picture",
     "exposed", "import_lightfield", "export_lightfield", "open_device",
-    "sample_scene", "make_dataset", "disparity", "truth", "write_truth", "read_exr",
+    "sample_scene", "make_dataset", "disparity", "dual_pixel_disparity", "truth", "write_truth",
+    "read_exr",
     "LightField", "Scene", "Camera", "CameraArray", "SensorPlane", "Slab", "Lattice", "Quality",
     "Rendering", "Sensor", "Encoding", "Device", "ViewerPage",
     "Surface", "Material", "Light", "BakedLight", "BakeOptions", "Motion", "View", "Note",

@@ -12,7 +12,7 @@ from lfcore.pictures import check_suffix
 from lfcore.scene.view import LIGHTFIELD, View
 
 SLAB_OPTIONS = ("pixels", "views", "subpixels", "quality_db", "focus", "f_number", "plane",
-                "lens")  # fmt: skip
+                "lens", "aperture", "dual_pixel")  # fmt: skip
 """The options that select a picture from a light slab instead of the scene's own film."""
 FILM_OPTIONS = ("samples", "white")
 """The options that only the scene's own film has."""

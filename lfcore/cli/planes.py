@@ -42,7 +42,8 @@ def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
     picture.add_argument(
         "--dual-pixel", action="store_true",
         help="write what the left and the right half of the aperture see, too, FILE_left and "
-        "FILE_right; the picture is their mean",
+        "FILE_right, whose mean is the picture; and, of a scene or a file with depth, "
+        "FILE_disparity.exr: pixels from left to right, positive behind the focus",
     )  # fmt: skip
     many = command.add_argument_group(f"many pictures (up to {MOST_PLANES}) from one pass")
     many.add_argument(
@@ -113,6 +114,38 @@ def formed_planes(arguments: argparse.Namespace, planes: list[SensorPlane]) -> l
         refuse("--dual-pixel", "halves a whole aperture", "Leave out the half")
     check_count(2 * len(planes))
     return [half for plane in planes for half in plane.halves()]
+
+
+def scene_disparities(
+    arguments: argparse.Namespace, planes: list[SensorPlane], scene: lfcore.Scene, pixels: Pixels
+) -> np.ndarray | None:
+    """The disparity at each pixel of a scene's dual-pixel pairs, (P, H, W); None without pairs."""
+    if not arguments.dual_pixel:
+        return None
+    from lfcore.optics.dual_pixel import disparity_map
+    from lfcore.rendering.depth import depth_of_views
+    from lfcore.rendering.prepared import open_dark_tracer
+
+    slab = lfcore.Slab.of(scene.camera, 1, pixels)
+    depth = depth_of_views(open_dark_tracer(scene, arguments.device), slab)[0]
+    return np.stack([disparity_map(slab, plane, depth) for plane in planes])
+
+
+def file_disparities(
+    arguments: argparse.Namespace, planes: list[SensorPlane], field: lfcore.LightField, pixels: int
+) -> np.ndarray | None:
+    """As :func:`scene_disparities`, of a file whose pictures' longer side is ``pixels``; None also
+    of a file without depth."""
+    if not arguments.dual_pixel:
+        return None
+    if field.metadata.depth is None:
+        say("no disparity: the file holds no depth")
+        return None
+    from lfcore.optics.dual_pixel import disparity_map
+    from lfcore.refocus.free_views import inverse_depth
+
+    depth, slab = field.metres(inverse_depth(field, pixels)), field.require_slab().resized(pixels)
+    return np.stack([disparity_map(slab, plane, depth) for plane in planes])
 
 
 def check_count(pictures: int) -> None:
@@ -249,35 +282,37 @@ def _read(row: Mapping[str, Any], key: str | None, file: Path | None) -> dict[st
 
 def save(
     path: Path, planes: list[SensorPlane], pictures: np.ndarray, options: Mapping[str, Any],
-    field: lfcore.LightField | None = None,
+    field: lfcore.LightField | None = None, disparities: np.ndarray | None = None,
 ) -> None:  # fmt: skip
     """Write pictures, in one NPY or in a file each, and report their names.
 
     A file's name has its number and settings.  ``options`` has keywords of :func:`write_named`.
-    Twice as many pictures as planes are dual-pixel pairs: their means are written, too.
+    Twice as many pictures as planes are dual-pixel pairs: their means are written, too, and their
+    ``disparities`` (P, H, W).
     """
-    pairs = len(pictures) == 2 * len(planes)
-    if pairs:
+    names = [path]
+    if len(planes) > 1:
+        from lfcore.optics.plane_pictures import plane_label
+
+        labels = [plane_label(k, plane) for k, plane in enumerate(planes)]
+        if field is not None and not field.metric:
+            labels = [
+                f"{k:02d}_disparity{field.disparity_of(plane.focus_m):.3g}_{plane.aperture}"
+                for k, plane in enumerate(planes)
+            ]
+        names = [path.with_name(f"{path.stem}_{label}{path.suffix}") for label in labels]
+    maps = [name.with_name(f"{name.stem}_disparity.exr") for name in names]
+    if len(pictures) == 2 * len(planes):
         left, right = pictures[::2], pictures[1::2]
         pictures = np.stack([(left + right) / 2, left, right], 1).reshape(-1, *left.shape[1:])
+        names = [
+            name.with_name(f"{name.stem}{half}{name.suffix}")
+            for name in names for half in ("", "_left", "_right")
+        ]  # fmt: skip
     if path.suffix.lower() == ".npy":
         whole = pictures[0] if len(pictures) == 1 else pictures
         write_named([(path, whole)], sensor=options.get("sensor"))
     else:
-        names = [path]
-        if len(planes) > 1:
-            from lfcore.optics.plane_pictures import plane_label
-
-            labels = [plane_label(k, plane) for k, plane in enumerate(planes)]
-            if field is not None and not field.metric:
-                labels = [
-                    f"{k:02d}_disparity{field.disparity_of(plane.focus_m):.3g}_{plane.aperture}"
-                    for k, plane in enumerate(planes)
-                ]
-            names = [path.with_name(f"{path.stem}_{label}{path.suffix}") for label in labels]
-        if pairs:
-            names = [
-                name.with_name(f"{name.stem}{half}{name.suffix}")
-                for name in names for half in ("", "_left", "_right")
-            ]  # fmt: skip
         write_named(list(zip(names, pictures, strict=True)), **options)
+    if disparities is not None:
+        write_named(list(zip(maps, disparities, strict=True)))

@@ -102,7 +102,8 @@ def run(arguments: argparse.Namespace) -> None:
             pictures = rendering.pictures
     if quality:
         _report_quality(rendering)
-    plane_options.save(arguments.output, planes, pictures, form(arguments))
+    apart = plane_options.scene_disparities(arguments, planes, scene, pixels)
+    plane_options.save(arguments.output, planes, pictures, form(arguments), disparities=apart)
 
 
 def _report_quality(rendering: lfcore.Rendering) -> None:

@@ -17,8 +17,8 @@ from lfcore.cli.command import (
     add_lightfield,
     add_output,
     check_output,
+    flags,
     form,
-    given,
     open_field,
     refuse,
 )
@@ -114,17 +114,17 @@ def refocus(arguments: argparse.Namespace) -> None:
         plane_options.report(planes)
     plane_options.say_doubts(planes, field)
     pictures = make_pictures(arguments, field, plane_options.formed_planes(arguments, planes))
+    apart = plane_options.file_disparities(arguments, planes, field, max(pictures.shape[1:3]))
     field.close()  # decoders hold more memory than pictures
-    plane_options.save(arguments.output, planes, pictures, form(arguments), field)
+    plane_options.save(arguments.output, planes, pictures, form(arguments), field, apart)
 
 
 def pull(arguments: argparse.Namespace) -> None:
     """Write a film of all instants of a light field."""
     from lfcore.film import write_film
 
-    excluded = given(arguments, "instant") | ({"plane": 1} if arguments.plane else {})
-    for option in excluded | given(arguments, "method"):
-        refuse(f"--{option}", "is for pictures, not for a film", "Leave it out, or write a .png")
+    for option in flags(arguments, "instant", "plane", "dual_pixel", "method"):
+        refuse(option, "is for pictures, not for a film", "Leave it out, or write a .png")
     field = open_field(arguments, film=True)
     if len(field.times) < 2:
         refuse("--output", "the file has one instant, which is no film", "Write a .png")

@@ -33,6 +33,7 @@ from lfcore.files import make_folder, write_json
 from lfcore.opencl.device import Device, open_device
 from lfcore.optics import bundles
 from lfcore.optics.camera import Camera
+from lfcore.optics.dual_pixel import dual_pixel_disparity
 from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -307,15 +308,17 @@ def _defocus_pair(item: Item, description: Description, tracer: Tracer, depth: n
 
 def _dual_pixel(item: Item, description: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """Add files as in DPDD: pictures of the lens's left and right half and their mean, the sharp
-    one, depth, and the signed circle of confusion."""
+    one, depth, disparity from left to right, and the signed circle of confusion."""
     camera, focus = tracer.scene.camera, _pair_focus(item, tracer)
-    halves = list(SensorPlane(focus, camera.f_number).halves())
-    rendering = formed(description, tracer, halves, spare_db=HALF_DB)
+    plane = SensorPlane(focus, camera.f_number)
+    rendering = formed(description, tracer, list(plane.halves()), spare_db=HALF_DB)
     left, right = rendering.pictures
     for name, picture in {"whole": (left + right) / 2, "left": left, "right": right}.items():
         item.add(f"{name}.png", picture)
     _add_sharp(item, "sharp.png", description, tracer)
     _add_blur(item, description, camera, depth, focus)
+    slab = Slab.of(camera, 1, description.size)
+    item.add("disparity_px.exr", dual_pixel_disparity(slab, plane, depth))
     _note(item, description, camera, depth, [focus], rendering)
 
 

@@ -186,6 +186,7 @@ class SensorPlane:
 
     def halves(self, first: str = "left") -> tuple[SensorPlane, SensorPlane]:
         """The planes of both halves of the aperture: a dual-pixel pair, whose mean is the picture.
+        :func:`lfcore.dual_pixel_disparity` is what lies between them.
 
         By depth each half orders surfaces by itself, so that at their edges the mean differs from
         the picture of the whole aperture, by 1.5% of white at most.  With nearest pixels, the

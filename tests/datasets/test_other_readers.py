@@ -6,6 +6,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from scipy.ndimage import map_coordinates
 
 from lfcore import Slab, render, sample_scene
 from lfcore.colour import srgb_codes, srgb_decode
@@ -126,13 +127,15 @@ def test_restormer_reads_dual_pixel_pairs(device, tmp_path):
     error = np.abs((left + right) / 2 - whole)[below_white]
     assert error.max() < 1e-4  # codes of 16 bits
     assert (np.abs(whole - sharp) > 0.02).mean() > 0.02
-    # Before the focus the half pictures are displaced against each other in one direction, behind
-    # it in the other; in focus they are equal.
-    blur = read_exr(tmp_path / "data/test_truth/000001_coc_px.exr")[0][..., 0]
-    assert (
-        np.abs(left - right)[np.abs(blur) > 2].mean()
-        > np.abs(left - right)[np.abs(blur) < 0.5].mean()
+    blur, apart = (
+        read_exr(tmp_path / f"data/test_truth/000001_{name}_px.exr")[0][..., 0]
+        for name in ("coc", "disparity")
     )
+    np.testing.assert_allclose(apart, blur * 4 / (3 * np.pi), atol=1e-3)
+    row, column = np.mgrid[:48, :48]
+    blurred, (left, right) = np.abs(blur) > 2, (each[..., 1] for each in (left, right))
+    moved = map_coordinates(right, (row, column + apart), order=1, mode="nearest")
+    assert np.abs(moved - left)[blurred].mean() < 0.7 * np.abs(right - left)[blurred].mean()
 
 
 def test_webdataset_reads_the_shard(made):

@@ -123,6 +123,8 @@ def test_options_of_film_and_slab_exclude_each_other(scene, tmp_path, capsys):
     out = str(tmp_path / "x.exr")
     file = str(tmp_path / "scene.pbrt")
     assert main(["render", file, "-o", out, "--samples", "2", "--views", "3"]) == 1
+    for other in (["--dual-pixel"], ["--aperture", "square"]):
+        assert main(["render", file, "-o", out, "--samples", "2", *other]) == 1
     assert main(["render", "scenes/sphere", "-o", out, "--samples", "2"]) == 1
     said = capsys.readouterr().err
     assert "--samples" in said and "film" in said
