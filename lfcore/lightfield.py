@@ -389,7 +389,8 @@ class LightField(LightFieldFile):
         Raises
         ------
         OpticsError
-            Times do not ascend, or the file does not contain a picture.
+            Times do not ascend, keys differ in more than focus and f-number, or the file does not
+            contain a picture.
         StorageError
             The file is damaged.
 

@@ -164,7 +164,9 @@ class LensViews(PlacedViews):
         off, beside = (a - b[..., None, None, :] for a, b in ((points, middle), (moved, place)))
         spread, own = _mean(off**2, passed), sides[:, None, None] ** 2 / 12
         whole = _mean((points - before[..., None, None, :]) ** 2, inside)
-        nodes[..., NODE["side"]] = np.sqrt((spread + own) / np.maximum(whole + own, 1e-300))
+        same = np.ones_like(spread)  # of a cell beyond the aperture, which has no width
+        wider = np.divide(spread + own, whole + own, out=same, where=own > 0)
+        nodes[..., NODE["side"]] = np.sqrt(wider)
         together = _mean(off * beside, passed)
         slope = together / np.maximum(spread, 1e-300)
         nodes[..., NODE["sweep"]] = slope * self.scale

@@ -1,7 +1,7 @@
 """Pictures of a film whose focus, aperture or point of view are pulled over time."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from lfcore.storage.lightfield import LightFieldFile
 
 Key = tuple[float, SensorPlane | Sequence[float]]
 """A time in seconds with a picture's focus and aperture, or with a point (s, t) of the lens, m."""
+PULLED = ("focus_m", "f_number")
+"""The fields of planes that may differ between keys."""
 
 
 def pulled(
@@ -35,6 +37,10 @@ def pulled(
     if planes and len(planes) < len(keys):
         problem = "have planes and points of the lens"
         raise OpticsError(problem, file=field.path, key="keys", remedy="Give one kind")
+    for name in (each.name for each in fields(SensorPlane)):
+        if name not in PULLED and len({getattr(plane, name) for plane in planes}) > 1:
+            remedy = "Give every key the same: focus and f-number alone are pulled"
+            raise OpticsError(f"differ in {name}", file=field.path, key="keys", remedy=remedy)
     if filter is not None and not planes:
         problem = "is for planes: from a point of the lens, everything is in focus"
         raise OpticsError(problem, key="filter", remedy="Leave it out")

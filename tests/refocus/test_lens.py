@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mirror_room import MIRROR, make_scene, wall
 from plain_scenes import refused
 from scipy.stats import qmc
 from test_depth_slicing import CAMERA, everywhere, grey, noise, seen, sliced
@@ -203,6 +204,43 @@ def test_halves_of_the_pupil_make_the_whole(singlet):
     whole, left, right = sliced(views, [plane, *plane.halves()], 24, *rays)[:, 4:-4, 4:-4]
     np.testing.assert_allclose((left + right) / 2, whole, atol=0.02)
     assert np.abs(left - right).max() > 0.02
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("focus", [4.0, 12.0])
+def test_mirrors_and_veils_are_what_they_show_through_the_same_lens(singlet, tmp_path, focus):
+    """A mirror shows a wall where its image is; a veil half of itself and half of what is behind.
+    Both have two parts, what is compared has one."""
+    rng = np.random.default_rng(3)
+    behind, veil, (mirror, _) = (wall(z, -6, 6, n, rng) for z, n in ((-4, 40), (4, 40), (4, 1)))
+    image = behind[0] * np.float32([1, 1, -3]), behind[1]
+
+    def scene(*shapes):
+        return replace(made := make_scene(shapes), camera=replace(made.camera, sensor_width_m=0.12))
+
+    mirrored = scene((mirror, np.ones_like(mirror), MIRROR), (*behind, {}))
+    veiled = scene((*veil, {"opacity": 0.5}), (*image, {}))
+    plane = SensorPlane(focus, 4.0, lens=singlet)
+
+    def stored(of):
+        return lfcore.record(of, tmp_path / "field.mkv", pixels=32).refocus_many([plane])
+
+    for form, least_db in (
+        (lambda of: lfcore.render(of, planes=[plane], pixels=32), 60), (stored, 48),
+    ):  # fmt: skip
+        of_image, of_veil = form(scene((*image, {}))), form(scene((*veil, {})))
+        inner = np.s_[0, 3:-3, 3:-3]
+        light = of_image * np.float32(MIRROR["diffuse"])
+        assert psnr(form(mirrored)[inner], light[inner], peak=1.0) > least_db
+        assert psnr(form(veiled)[inner], ((of_image + of_veil) / 2)[inner], peak=1.0) > least_db
+    perfect = lfcore.render(mirrored, planes=[replace(plane, lens=None)], pixels=32)
+    assert psnr(perfect[inner], light[inner], peak=1.0) < 35
+
+
+def test_cells_beyond_the_aperture_have_finite_nodes():
+    views = displaced_views(Slab(CAMERA, 4, 48))
+    (placed,) = DepthSlicer(views, [SensorPlane(4.0, 2.8, lens=alone(DGAUSS))], 24)._placed
+    assert (placed.cells.share == 0).any() and np.abs(placed.nodes).max() < 100
 
 
 def test_rays_around_a_picture_are_traced_for_barrel_distortion():

@@ -1,7 +1,8 @@
 """Films of light fields: each instant is the light field of the scene there and then."""
 
-import dataclasses
 import pickle
+from dataclasses import replace
+from pathlib import Path
 
 import av
 import numpy as np
@@ -17,6 +18,7 @@ from lfcore.lightfield import LightField
 from lfcore.rendering import record_film
 
 PIXELS, TIMES = 12, [0.0, 0.25, 0.5, 0.75, 1.0, 1.25]
+DGAUSS = Path(__file__).parents[2] / "scenes" / "lenses" / "dgauss.dat"
 EXACT = lfcore.Encoding("ffv1")
 
 
@@ -97,7 +99,6 @@ def test_a_damaged_film_has_its_whole_instants(film, tmp_path):
 
 def test_metadata_that_contradict_themselves_are_refused(film):
     whole = film.whole
-    replace = dataclasses.replace
     for change, words in (
         ({"times": (0.0, 0.0, *TIMES[2:])}, "ascending"), ({"group": 0}, "film.group"),
         ({"group": 5}, "do not fit"), ({"content": ()}, "one for each time"),
@@ -137,12 +138,21 @@ def test_a_focus_is_pulled_evenly_in_dioptres(film):
     for number, (focus, f_number) in {0: (2, 2), 1: (2, 2), 3: (8 / 3, 8 / 3), 5: (4, 4)}.items():
         expected = film.at(number).refocus(focus_m=focus, f_number=f_number)
         np.testing.assert_allclose(pictures[number], expected, atol=1e-6)
+    lens = [film.plane(each, 4.0, lens=DGAUSS) for each in (2.0, 4.0)]
+    for number, picture in enumerate(film.pull([(0.25, lens[0]), (1.25, lens[1])])):
+        if number == 3:
+            expected = film.at(3).refocus_many([replace(lens[0], focus_m=8 / 3)])[0]
+            np.testing.assert_array_equal(picture, expected)
+            perfect = film.at(3).refocus(focus_m=8 / 3, f_number=4.0)
+            assert np.abs(picture - perfect).max() > 0.01
     reach = film.require_slab().lens_positions()[-1]
     pictures = list(film.pull([(0.0, (-reach, 0)), (1.0, (reach, 0))]))
     np.testing.assert_array_equal(pictures[2], film.at(2).views_at([[0, 0]])[0])
     np.testing.assert_array_equal(pictures[5], film.at(5).views_at([[reach, 0]])[0])
     for keys, words in (
         ([], "ascending"), ([(1, near), (0, far)], "ascending"), ([(0, near), (1, (0, 0))], "one"),
+        ([(0, near), (1, lens[1])], "differ in lens"),
+        ([(0, near), (1, replace(far, aperture="square"))], "differ in aperture"),
     ):  # fmt: skip
         with pytest.raises(lfcore.OpticsError, match=words):
             next(film.pull(keys))
