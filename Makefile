@@ -4,7 +4,7 @@
 #   make tables ARGS="--configfile my.yaml -- results/tables/" DIRECTORY=there    any run of Snakemake
 #   make smoke     the same pipeline, tiny
 #   make test      the whole test suite; make test DEVICE=pocl for one of several OpenCL drivers
-#   make quick     the tests for daily work, in under a minute
+#   make quick     the tests for daily work, in about a minute
 #   make lint      formatting, layers, types and generated files
 #   make format    formats the code
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them

@@ -15,6 +15,8 @@ WITHOUT_EXAMPLES = {
     "Rendering", "Selection", "StoredDepth", "View", "ViewerPage", "WriteOptions",
 }  # fmt: skip
 """Arguments and results of the functions whose examples have them."""
+MAKE_SETS = {"Stacks", "make_dataset"}
+"""Their examples make scenes of data sets, which takes seconds."""
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +36,8 @@ def examples():
             continue
         for test in doctest.DocTestFinder(recurse=inspect.isclass(public)).find(public, name):
             if test.examples or (test.name == name and name not in WITHOUT_EXAMPLES):
-                yield pytest.param(test, id=test.name)
+                slow = pytest.mark.slow if test.name in MAKE_SETS else ()
+                yield pytest.param(test, id=test.name, marks=slow)
 
 
 @pytest.mark.parametrize("test", list(examples()))

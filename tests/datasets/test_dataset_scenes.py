@@ -71,6 +71,7 @@ def test_folders_and_disks_that_do_not_do(tmp_path):
     refused(r"a\.yaml.*dataset", lfcore.sample_scene, tmp_path / "a.yaml", 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", sorted(CONFIG.iterdir()), ids=lambda file: file.stem)
 def test_the_descriptions_of_the_project(file):
     description = Description.read(file)
@@ -271,6 +272,7 @@ def test_things_are_of_glass_metal_and_varnish_by_their_shares():
     assert not any(m.transmission or m.metallic > 0 or m.clearcoat for m in every)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0, 1])
 def test_rooms_have_panes_and_mirrors_by_their_shares(share):
     keys = {"share_panes": share, "share_mirrors": share}

@@ -20,6 +20,8 @@ from lfcore.scene.files import scene_digest
 from lfcore.scene.sky_gloss import sky_gloss
 from tests.datasets.test_dataset_scenes import PLAIN
 
+pytestmark = pytest.mark.slow
+
 
 @functools.cache
 def room(index):

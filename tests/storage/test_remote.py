@@ -183,6 +183,7 @@ def test_a_host_that_does_not_answer_is_one_line(capsys):
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("good", [0, 2], ids=["opening", "reading"])
 @pytest.mark.parametrize("way", ["silent", "stalled", "short"])
 def test_a_server_that_fails_is_asked_twice(stored, way, good, monkeypatch):
