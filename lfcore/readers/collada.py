@@ -26,6 +26,8 @@ from lfcore.scene.transforms import affine, rotate, scale, translate
 
 SUFFIXES = (".dae", ".zae")
 STRIPS = {"tristrips": strip_faces, "trifans": fan_faces}
+NUMBERS = {"POSITION": 3, "NORMAL": 3, "COLOR": 3, "TEXCOORD": 2}
+"""The least numbers per element of an input."""
 PRIMITIVES = ("triangles", "polylist", "polygons", *STRIPS)
 LOST = {
     "instance_camera": "cameras", "instance_light": "lights", "animation": "animations",
@@ -206,6 +208,8 @@ class _File:
         for name, (values, of_values) in columns.items():
             if len(of_values) and not 0 <= of_values.min() <= of_values.max() < len(values):
                 raise ValueError(f"a face names element {of_values.max()} of {len(values)} {name}")
+            if values.shape[1] < (least := NUMBERS.get(name[0], 0)):
+                raise ValueError(f"{name[0]} has {values.shape[1]} of {least} numbers per element")
         if primitive.tag in STRIPS:
             ends = np.cumsum([0, *(len(each) // width for each in lists)])
             make = STRIPS[primitive.tag]
@@ -224,9 +228,11 @@ class _File:
         sets = {
             number: uv[..., :2] for (name, number), uv in values_of.items() if name == "TEXCOORD"
         }
+        normals = values_of.get(("NORMAL", 0))
         colours = next((rgb for (name, _), rgb in values_of.items() if name == "COLOR"), None)
         part = SurfaceMesh(
-            values_of["POSITION", 0], normals=values_of.get(("NORMAL", 0)),
+            values_of["POSITION", 0][..., :3],
+            normals=None if normals is None else normals[..., :3],
             colours=None if colours is None else srgb_decode(np.clip(colours[..., :3], 0, 1)),
         )  # fmt: skip
         return _Polygons(primitive.get("material", ""), part, sets)
