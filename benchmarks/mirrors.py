@@ -4,8 +4,8 @@ Scenes in even light: surfaces emit their own colours, so only mirrored and pass
 Mitsuba's path tracer converges through the same thin lens, with paths of the same length.
 *quality*: dB of our pictures from 64 rays per pixel, on the pixels of the mirror, with its surface
 in focus and with the image in it; and of Mitsuba's, denoised, after as many core seconds.  *price*:
-the core seconds of scenes a tenth of whose pixels are a mirror over those of the same, matt.  Rows
-of other scenes and parts stay.
+a mirror covers a tenth of the picture; core seconds, divided by those with a matt surface there.
+Rows of other scenes and parts stay.
 """
 
 import argparse
@@ -106,7 +106,7 @@ def shown(tracer: Tracer, case: Case, pixels: int) -> np.ndarray:
 
 
 def price(options: argparse.Namespace) -> Iterator[dict]:
-    """Yield the time of scenes a tenth of whose pixels are a mirror over that without."""
+    """Yield the time with a mirror on a tenth of the picture, divided by the time without."""
     for name, mirror, matt in tenths():
         tracers = [Tracer(scene, hierarchy_of(scene), opened(None)) for scene in (mirror, matt)]
         plane = SensorPlane(mirror.camera.focus_m, mirror.camera.f_number)

@@ -1,8 +1,8 @@
 """Verification: the error of baked light, measured at places that the camera sees.
 
 Two independent estimates are gathered at each place.  The product of the baked light's differences
-to both is, in the mean, its squared error: their noise cancels.  So errors of interpolation, at
-contacts above all, count as those of noise.
+to both is, in the mean, its squared error: their noise cancels.  It counts the bake's noise and its
+errors of interpolation, which are largest where surfaces touch.
 
 The hard shadows of suns, which are discs, are errors, too.  Half-shadows are narrow, so they are
 measured at many more places, each with two rays to the discs.
@@ -25,8 +25,8 @@ from lfcore.scene.sky import solid_angles, texel_directions
 _PLACES = 1600
 """Places in the picture, of a sequence: a lattice can hit nothing but edges."""
 _SUN_PLACES = 1 << 15
-"""Places where half-shadows are measured.  At 1600, none was in those of a disc of half a degree,
-whose error was 2 %."""
+"""Places where half-shadows are measured.  With 1600, none lay in the half-shadow of a disc of half
+a degree, and an error of 2 % was missed."""
 _RAYS = 256
 """Rays per estimate: their noise is then a few percent, and cancels over all places."""
 _FIRST_SEED = 1 << 40

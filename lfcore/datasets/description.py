@@ -152,8 +152,8 @@ class Frames(_Keys):
     )
     turn_deg: span(0, 1e5) = _key((0, 90, "even"), description="degrees per second")
     shutter: Share = _key(
-        0.0, description="of the time between instants, about each of which the shutter is open; "
-        "sharp pictures, depth, flow and truth are those of the middle",
+        0.0, description="of the time between instants, for which the shutter is open; pictures "
+        "blur, while the sharp one, depth, flow and truth show the middle of that time",
     )  # fmt: skip
 
     @property

@@ -3,8 +3,8 @@
 // plane takes one sum per run from it.  strip_tables.py defines the runs.  Sums are integers: exact
 // and independent of the order.
 //
-// TRACED is 1 for traced light, 0 for frames; WIDE_SUMS 1 if sums of a strip exceed 32 bits.  LANES is 1 or 16: sixteen samples fill a register
-// even if it holds only four or eight floats.
+// TRACED is 1 for traced light, 0 for frames; WIDE_SUMS 1 if sums of a strip exceed 32
+// bits.  LANES is 1 or 16: sixteen samples fill a register even if it holds only four or eight floats.
 #if TRACED
 #include "traced_rays.cl"
 #else
