@@ -41,7 +41,7 @@ def view(tracer: Tracer, slab: Slab, number: int, pattern: Pattern) -> np.ndarra
         )
         for grid in range(grids)
     ]
-    light = tracer.mosaic_radiance(sets, None, 1)
+    light = tracer.mosaic_radiance(sets, 1)
     height, width = (length // side for length in light.shape[:2])
     rows = light.reshape(height, side, -1)
     rows = sum((rows[:, k] for k in range(1, side)), start=rows[:, 0])

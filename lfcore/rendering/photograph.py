@@ -200,10 +200,9 @@ def trace_array(
     if samples_per_pixel < 1:
         raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")
     nx, ny = array.cameras
-    grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny)), -1).reshape(-1, 2)
     offsets = stratified_offsets(nx * ny, samples_per_pixel, seed)
     sets = [array_bundles(array, offset, samples_per_pixel) for offset in offsets]
-    image = tracer.mosaic_radiance(sets, grid, nx)
+    image = tracer.mosaic_radiance(sets, nx)
     if samples_per_pixel > 1:
         image /= samples_per_pixel
     return image

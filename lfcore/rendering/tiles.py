@@ -112,7 +112,7 @@ def _trace(
     if macro and not frames and planes:
         columns = rows = slab.views - 2 * closed_margin(slab, planes)
     cuts = chunk_cuts(
-        places, frame_of if frames else None, math.prod(layout.inner), job.shape.group_side
+        places, frame_of if frames else None, math.prod(layout.inner), job.shape.outer
     )
     room = page_aligned((int(np.diff(cuts).max()), rows, columns, 3))
     former = PlaneFormer(slab, tile, planes, device, stops=tracer.needs.stops) if planes else None
@@ -160,19 +160,19 @@ def closed_margin(slab: Slab, planes: Sequence[SensorPlane]) -> int:
 
 
 def chunk_cuts(
-    places: np.ndarray, frame_of: np.ndarray | None, rays_each: int, group_side: int
+    places: np.ndarray, frame_of: np.ndarray | None, rays_each: int, outer: int
 ) -> np.ndarray:
     """The ends of chunks of about CHUNK_RAYS, among elements at ``places`` (E, 2).
 
     Chunks have whole frames if ``frame_of`` (E,) has the elements' frames.  Groups of
-    ``group_side``² elements, which share a packet, stay whole unless chunks would exceed
+    ``outer``² elements, which share blocks, stay whole unless chunks would exceed
     MOST_GROWTH.
     """
     total = len(places)
     ends = np.arange(total + 1)
     if frame_of is not None:
         ends = np.append(np.flatnonzero(np.diff(frame_of, prepend=-1)), total)
-    whole = ends[_parts_no_group(places, group_side)[ends]]
+    whole = ends[_parts_no_group(places, outer)[ends]]
     if np.diff(whole).max(initial=0) * rays_each <= MOST_GROWTH * CHUNK_RAYS:
         ends = whole
     cuts, most = [0], max(1, CHUNK_RAYS // rays_each)
@@ -183,9 +183,9 @@ def chunk_cuts(
     return np.array(cuts)
 
 
-def _parts_no_group(places: np.ndarray, group_side: int) -> np.ndarray:
+def _parts_no_group(places: np.ndarray, outer: int) -> np.ndarray:
     """(E + 1,) bool: whether a cut before element e leaves every group whole."""
-    groups = places // group_side
+    groups = places // outer
     keys, group = ranks(groups[:, 1].astype(np.int64) << 32 | groups[:, 0])
     last = np.zeros(len(keys), np.int64)
     np.maximum.at(last, group, np.arange(len(group)))

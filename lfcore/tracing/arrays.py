@@ -69,10 +69,6 @@ def fill_arrays(
             device.collect(written[name], piece)
 
 
-class RepeatedPlaceError(OpticsError):
-    """Two elements have one place, so they cannot share a packet."""
-
-
 def _groups(shape: PacketShape, bundles: Bundles, places: np.ndarray | None) -> Groups:
     if places is not None and places.shape != (len(bundles.elements), 2):
         raise OpticsError(
@@ -81,7 +77,7 @@ def _groups(shape: PacketShape, bundles: Bundles, places: np.ndarray | None) -> 
         )
     groups = Groups.of(shape, bundles, places)
     if np.count_nonzero(groups.members >= 0) != len(bundles.elements):
-        raise RepeatedPlaceError(
+        raise OpticsError(
             "two elements have the same place", key="coordinates",
             remedy="Give each place once, or no coordinates",
         )  # fmt: skip

@@ -135,7 +135,7 @@ class PacketJob:
             columns=bundles.columns, rows=bundles.rows, first_row=bundles.first_row,
             end_row=bundles.first_row + bundles.traced_rows, packets=packets,
             pixel_pitch=bundles.pixel_pitch, half_extent=shape.half_extent,
-            group_side=shape.group_side, side=shape.side, across=across, mode=mode,
+            side=shape.side, across=across, mode=mode,
         )  # fmt: skip
         self.kernel(
             max(1, min(device.threads, packets)),

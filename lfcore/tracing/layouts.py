@@ -109,8 +109,7 @@ RAY_ARGUMENTS = np.dtype([
     ("packets", INT),
     ("pixel_pitch", FLOAT),  # tangent between neighbouring pixels
     ("half_extent", FLOAT),  # of a block, in columns
-    ("group_side", INT),  # elements along a side of a packet
-    ("side", INT),  # blocks along a side of one element's part of a packet
+    ("side", INT),  # blocks along a side of a packet
     ("across", INT),  # elements in a row of a radiance image
     ("mode", INT),  # ADD and STREAM
 ])  # fmt: skip

@@ -16,16 +16,15 @@ PACKET_ROWS = MOST_SIDE * BLOCK
 
 @dataclass(frozen=True)
 class PacketShape:
-    """A packet: a group of ``group_side``² outer elements times ``side``² blocks of 256 rays.
+    """A packet: ``side``² blocks of 256 rays.
 
-    A block is 16 x 16 rays of one element, or ``16 / outer`` along each axis of ``outer`` elements
-    (then ``group_side`` is ``outer``).  Its inner rays lie within ``half_extent`` steps of its
-    centre.  ``single_rays`` packets trace their rays one by one.  4096 rays amortise a walk through
-    the hierarchy, and their depth buffers still fit the second-level cache.
+    A block is 16 x 16 rays of one element, or ``16 / outer`` along each axis of ``outer`` elements.
+    Its inner rays lie within ``half_extent`` steps of its centre.  ``single_rays`` packets trace
+    their rays one by one.  4096 rays amortise a walk through the hierarchy, and their depth buffers
+    still fit the second-level cache.
     """
 
     side: int
-    group_side: int
     half_extent: float = (BLOCK - 1) / 2
     outer: int = 1
     single_rays: bool = False
@@ -34,17 +33,9 @@ class PacketShape:
     def for_inner(cls, size: int, outer: int = 1, single_rays: bool = False) -> PacketShape:
         """The shape for an inner grid of ``size`` x ``size`` rays."""
         if outer > 1:
-            return cls(MOST_SIDE, outer, (BLOCK // outer - 1) / 2, outer, single_rays)
+            return cls(MOST_SIDE, (BLOCK // outer - 1) / 2, outer, single_rays)
         side = min(MOST_SIDE, -(-size // BLOCK))
-        return cls(side, MOST_SIDE // side, (min(size, BLOCK) - 1) / 2, 1, single_rays)
-
-    @property
-    def elements(self) -> int:
-        return self.group_side**2
-
-    @property
-    def blocks(self) -> int:
-        return self.elements // self.outer**2 * self.side**2
+        return cls(side, (min(size, BLOCK) - 1) / 2, 1, single_rays)
 
     @property
     def defines(self) -> dict[str, int]:
@@ -53,17 +44,16 @@ class PacketShape:
 
     def packets_per_group(self, columns: int, rows: int) -> int:
         """Packets that one group of elements needs for its inner grid."""
-        span = self.side // self.outer * BLOCK
+        span = self.side * BLOCK // self.outer
         return -(-columns // span) * -(-rows // span)
 
 
 @dataclass(frozen=True)
 class Groups:
-    """Elements by the packets that trace them.
+    """Elements by the packets that trace them: ``outer``² neighbours, or each by itself.
 
-    ``members`` (B, group_side**2) int32: the numbers of elements, -1 where there is none.
-    ``centre_rays`` (E, 4) or, for blocks of several elements, (B, 4) float32: offsets are relative
-    to these rays.
+    ``members`` (B, outer**2) int32: the numbers of elements, -1 where there is none.
+    ``centre_rays`` (B, 4) float32: offsets are relative to these rays.
     """
 
     members: np.ndarray
@@ -71,22 +61,20 @@ class Groups:
 
     @classmethod
     def of(cls, shape: PacketShape, bundles: Bundles, coordinates: np.ndarray | None) -> Groups:
-        """Put ``bundles`` at distinct ``coordinates`` (E, 2) into groups of ``shape.group_side``².
+        """Put ``bundles`` at distinct ``coordinates`` (E, 2) into groups.
 
-        Groups begin at multiples of their side, so that a block's rays do not depend on which
+        Groups begin at multiples of ``shape.outer``, so that a block's rays do not depend on which
         elements exist.
         """
-        side = shape.group_side
-        if coordinates is None or side == 1:
+        side = shape.outer
+        if side == 1:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
+        assert coordinates is not None and bundles.lattice is not None  # else no block spans
         u, v = np.asarray(coordinates, np.int64).T
         (column, x), (row, y) = np.divmod(u, side), np.divmod(v, side)
         keys, group = ranks((row - row.min(initial=0)) << 32 | (column - column.min(initial=0)))
         members = np.full((len(keys), side**2), -1, np.int32)
         members[group, y * side + x] = np.arange(len(u), dtype=np.int32)
-        if shape.outer == 1:
-            return cls(members, bundles.elements)
-        assert bundles.lattice is not None  # without one no block spans elements
         some = members.max(axis=1)  # an element per group
         places = np.stack([column[some], row[some]], 1) * side
         return cls(members, bundles.lattice.centre_rays(places + (side - 1) / 2))

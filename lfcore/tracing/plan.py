@@ -1,12 +1,7 @@
-"""The choice of packets for a scene's rays, from the leaves and triangles that sample blocks
-hit."""
-
-from collections.abc import Callable
-from dataclasses import replace
+"""The choice of packets for a scene's rays, from their number and the leaves that they may hit."""
 
 import numpy as np
 
-from lfcore.errors import OpticsError
 from lfcore.opencl.interface import BLOCK
 from lfcore.optics.bundles import Bundles, macropixels, views
 from lfcore.optics.slab import Slab
@@ -14,8 +9,10 @@ from lfcore.tracing.packets import PacketShape
 
 PROBED_BLOCKS = 16
 """The most sampled elements, and the sampled blocks of :func:`mean_leaves_per_ray`."""
-OUTER = (1, 2, 4)
-"""The numbers of elements along each axis that a block can span."""
+SPANNED = 4
+"""The elements along each axis of a block that spans several."""
+MOST_SPANNED = 24
+"""The largest side of an inner grid whose blocks span elements: measured, see docs/decisions.md."""
 
 
 def probed_elements(bundles: Bundles) -> np.ndarray:
@@ -55,65 +52,6 @@ def mean_leaves_per_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1
     return count / len(chosen) / float(np.prod(2 * half + 1) * outer**2)
 
 
-SPANNING_COST = 6.5
-"""The additional cost of a block that spans several elements, in triangles hit: measured for N = 16
-to 64, M = 128 and 512 on three scenes."""
-BLOCKS_EACH = 4
-"""The sampled blocks per sampled element."""
-
-
-def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and directions of the rays of some blocks of ``outer`` x ``outer`` elements.
-
-    (B, 256, 3) float32 each; BLOCKS_EACH blocks of each of :func:`probed_elements`, spread over the
-    inner grid: the same for equal bundles.
-    """
-    assert bundles.lattice is not None
-    inner, elements = BLOCK // outer, probed_elements(bundles)
-    number = np.arange(len(elements) * BLOCKS_EACH)
-    down, along = -(-bundles.rows // inner), -(-bundles.columns // inner)
-    block = number * (down * along) // len(number)
-    first = np.stack([block % along, block // along], 1) * inner
-    offset = first - (np.array([bundles.columns, bundles.rows]) - 1) / 2
-    i, u = np.tile(np.arange(inner), outer), np.repeat(np.arange(outer) - (outer - 1) / 2, inner)
-    rays = []
-    for part, among in enumerate((bundles.lattice.origin, bundles.lattice.direction)):
-        element = np.repeat(elements[:, 2 * part : 2 * part + 2], BLOCKS_EACH, 0)
-        out = np.full((len(number), BLOCK, BLOCK, 3), float(part))
-        for axis in (0, 1):
-            step = bundles.step[2 * part + axis]
-            line = (offset[:, axis, None] + i) * step + u * among + element[:, axis, None]
-            out[..., axis] = line[:, None, :] if axis == 0 else line[:, :, None]
-        rays.append(out.reshape(len(number), -1, 3).astype(np.float32))
-    return rays[0], rays[1]
-
-
-def best_outer(
-    closest_hit: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
-    bundles: Bundles,
-) -> int:
-    """The best number of elements along each axis of a block.
-
-    The criterion is the number of triangles that the rays of some blocks hit, from
-    ``closest_hit``: it does not depend on the hierarchy.
-    """
-    least, best = np.inf, 1
-    for outer in OUTER:
-        if min(bundles.columns, bundles.rows) < BLOCK // outer and outer > 1:
-            continue
-        cost = SPANNING_COST if outer > 1 else 0.0
-        if cost >= least:
-            break
-        origins, directions = probed_blocks(bundles, outer)
-        ids = closest_hit(origins.reshape(-1, 3), directions.reshape(-1, 3))[0]
-        ids = np.sort(ids.reshape(len(origins), -1), 1)
-        new = (ids[:, 1:] != ids[:, :-1]) & (ids[:, 1:] >= 0)
-        cost += float((new.sum(1) + (ids[:, 0] >= 0)).mean())
-        if cost < least:
-            least, best = cost, outer
-    return best
-
-
 def probe(slab: Slab, macro: bool = True) -> Bundles:
     """A few elements, macropixels or views, spread evenly: the same for all tiles of a slab."""
     left, top, width, height = slab.held.pixels if macro else (0, 0, slab.views, slab.views)
@@ -141,50 +79,37 @@ class Plan:
     Parameters
     ----------
     leaf_boxes : (L, 6) of the scene's hierarchy.
-    closest_hit : the first hits of rays (R, 3), :meth:`Tracer.closest_hit`.
-    outer, single_rays : fixed choices; default: the faster ones.
-
-    Raises
-    ------
-    OpticsError : ``outer`` is none of :data:`OUTER`.
+    spanning, single_rays : fixed choices; default: the faster ones.
     """
 
     def __init__(
         self,
         leaf_boxes: np.ndarray,
-        closest_hit: Callable,
         *,
-        outer: int | None = None,
+        spanning: bool | None = None,
         single_rays: bool | None = None,
     ):
-        if outer is not None and outer not in OUTER:
-            raise OpticsError(f"must be one of {OUTER}, not {outer!r}", key="outer")
-        self._leaf_boxes, self._closest_hit = leaf_boxes, closest_hit
-        self._forced_outer, self._forced_single = outer, single_rays
-        self._cache: dict[tuple, int] = {}
+        self._leaf_boxes = leaf_boxes
+        self._spanning, self._single_rays = spanning, single_rays
+        self._cache: dict[tuple, bool] = {}
 
     def shape(self, bundles: Bundles, *, grouped: bool = True) -> PacketShape:
         """The shape of these rays' packets.
 
-        ``grouped``: whether the elements' coordinates are known.  Elements can then share packets,
-        and on a lattice blocks.
+        ``grouped``: whether the elements' coordinates are known.  On a lattice, elements can then
+        share blocks.
         """
-        outer = self.outer(bundles) if grouped else 1
+        outer = self._outer(bundles) if grouped else 1
         single = self.single_rays(bundles, outer)
         inner = max(bundles.columns, bundles.rows)
-        shape = PacketShape.for_inner(inner, 1 if single else outer, single)
-        return shape if grouped else replace(shape, group_side=1)
+        return PacketShape.for_inner(inner, 1 if single else outer, single)
 
-    def outer(self, bundles: Bundles) -> int:
+    def _outer(self, bundles: Bundles) -> int:
         """Elements along each axis that a block spans."""
         if bundles.lattice is None:
             return 1
-        if self._forced_outer is not None:
-            return self._forced_outer
-        key = _plan_key(bundles)
-        if key not in self._cache:
-            self._cache[key] = best_outer(self._closest_hit, bundles)
-        return self._cache[key]
+        spanning = max(bundles.columns, bundles.rows) <= MOST_SPANNED
+        return SPANNED if (spanning if self._spanning is None else self._spanning) else 1
 
     def single_rays(self, bundles: Bundles, outer: int = 1) -> bool:
         """Whether blocks of these rays overlap so many leaves that single rays are faster.
@@ -192,8 +117,8 @@ class Plan:
         Never for elements of one ray: such rays may be anywhere, and must not change how their
         neighbours are traced.
         """
-        if self._forced_single is not None:
-            return self._forced_single
+        if self._single_rays is not None:
+            return self._single_rays
         if bundles.columns * bundles.rows == 1:
             return False
         key = outer, *_plan_key(bundles)
@@ -201,4 +126,4 @@ class Plan:
             self._cache[key] = (
                 mean_leaves_per_ray(self._leaf_boxes, bundles, outer) > SINGLE_RAY_LEAVES
             )
-        return bool(self._cache[key])
+        return self._cache[key]

@@ -13,7 +13,7 @@ from lfcore.optics.bundles import Bundles
 from lfcore.optics.slab import Slab
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
-from lfcore.tracing.arrays import RepeatedPlaceError, check_sets, fill_arrays
+from lfcore.tracing.arrays import check_sets, fill_arrays
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.given_rays import GivenRays, HitSurfaces, RayHits
@@ -35,7 +35,7 @@ class Tracer:
     device : an open device; default :func:`lfcore.opencl.device.open_device`.
     needs : features to compile in; default the scene's.
     mipmaps : whether textures are filtered over a pixel's footprint, or read at full size.
-    outer : elements along each axis that blocks span, 1, 2 or 4; default the best.
+    spanning : whether blocks span neighbouring elements; default if that is faster.
     single_rays : whether rays are followed one by one; default if that is faster.
     before : a tracer of the scene at another instant, whose textures and baked light are used.
 
@@ -53,7 +53,7 @@ class Tracer:
         needs: Needs | None = None,
         *,
         mipmaps: bool = True,
-        outer: int | None = None,
+        spanning: bool | None = None,
         single_rays: bool | None = None,
         before: "Tracer | None" = None,
     ):
@@ -77,7 +77,7 @@ class Tracer:
         count = len(scene.triangles)
         goes_on = specular_triangles(scene) if self.needs.specular else np.zeros(count, bool)
         self._goes_on = np.append(goes_on, False)
-        self.plan = Plan(bvh.leaf_boxes, self.closest_hit, outer=outer, single_rays=single_rays)
+        self.plan = Plan(bvh.leaf_boxes, spanning=spanning, single_rays=single_rays)
 
     def __repr__(self) -> str:
         return f"<Tracer of {self.scene!r} on {self.device!r}>"
@@ -96,20 +96,17 @@ class Tracer:
         depth : (P, N, N) float32, metres along the axis; infinity for a miss.
         """
         pixels = np.asarray(pixels).reshape(-1, 2)
-        bundles = rays.macropixels(slab, pixels)
-        try:
-            return _hits(self.job("HITS", probe(slab)), bundles, pixels)
-        except RepeatedPlaceError:
-            return self.bundle_hits(bundles)
+        places, number = np.unique(pixels, axis=0, return_inverse=True)
+        found = _hits(self.job("HITS", probe(slab)), rays.macropixels(slab, places), places)
+        return found[0][number.ravel()], found[1][number.ravel()]
 
     def bundle_hits(
         self, bundles: Bundles, coordinates: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """As :meth:`slab_hits` for any bundles: (E, rows, columns) triangle and depth.
 
-        ``coordinates`` (E, 2) place the elements on their outer grid, so that neighbours can be
-        traced together, and are distinct; without them every element is a packet of its own.  Of
-        bundles on a lattice they are the places there.
+        ``coordinates`` (E, 2) are the elements' distinct places on their lattice, so that blocks
+        can span neighbours.
         """
         job = self.job("HITS", bundles, grouped=coordinates is not None)
         return _hits(job, bundles, coordinates)
@@ -211,7 +208,6 @@ class Tracer:
     def mosaic_radiance(
         self,
         sets: Sequence[Bundles],
-        coordinates: np.ndarray | None,
         across: int,
     ) -> np.ndarray:
         """The sum of the radiance of all ``sets`` as a mosaic of the elements' pictures.
@@ -219,7 +215,6 @@ class Tracer:
         Parameters
         ----------
         sets : bundles with equal numbers of elements and equal inner grids.
-        coordinates : as for :meth:`bundle_hits`.
         across : elements in a row, a divisor of their number; element e is at row e // across,
             column e % across.
 
@@ -231,13 +226,13 @@ class Tracer:
         first, down = sets[0], len(sets[0].elements) // across
         shape = down * first.traced_rows, across * first.columns, 3
         if self.needs.specular:
-            sums = reduce(np.add, (self.bundle_radiance(each, coordinates) for each in sets))
+            sums = reduce(np.add, map(self.bundle_radiance, sets))
             grid = sums.reshape(down, across, first.traced_rows, first.columns, 3)
             return np.ascontiguousarray(grid.swapaxes(1, 2)).reshape(shape)
         image = page_aligned(shape)
-        job = self.job("IMAGE", first, grouped=coordinates is not None)
+        job = self.job("IMAGE", first, grouped=False)
         nothing = {"depth": None, "triangle": None}
-        fill_arrays(job, sets, coordinates, {"radiance": image}, across=across, **nothing)
+        fill_arrays(job, sets, None, {"radiance": image}, across=across, **nothing)
         return image
 
     def bundle_surfaces(

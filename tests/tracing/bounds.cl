@@ -109,7 +109,7 @@ kernel void frusta(global const float *in, global Boxes *box, global float *out)
     in += CANDIDATE * get_global_id(0);
     box += get_global_id(0);
     const Bundle all = rays_about(in, in[6], 31.5f);
-    const Frustum frustum = make_frustum(&all, &all);
+    const Frustum frustum = make_frustum(&all);
     const float from[3] = {0, -FAR, in[9]}, to[3] = {FAR, FAR, in[9]};
     for (int k = 0; k < 3 * NODE_WIDTH; ++k) {
         box->low[k / NODE_WIDTH][k % NODE_WIDTH] = from[k / NODE_WIDTH];

@@ -242,7 +242,9 @@ def test_no_ray_passes_between_a_packets_triangles_and_its_blocks(device):
         rng = np.random.default_rng(seed)
         step, direction = np.float32(rng.uniform([4.5e-4, 0.3], [5.4e-4, 0.45]))
         world = scene(strips(step, direction))
-        tracer = Tracer(world, build_bvh(world.triangles), device, outer=1, single_rays=False)
+        tracer = Tracer(
+            world, build_bvh(world.triangles), device, spanning=False, single_rays=False
+        )
         rays = Bundles(
             np.float32([[0, 0, direction, 0]]), np.float32([0, 0, step, step]), 2048, 64, step
         )

@@ -12,7 +12,7 @@ from tracing_scenes import CAMERA, painted_soup
 import lfcore
 from lfcore import SensorPlane, Slab, open_device
 from lfcore.opencl import device as devices
-from lfcore.optics.bundles import macropixels, views
+from lfcore.optics.bundles import macropixels
 from lfcore.rendering import tiles
 from lfcore.rendering.tiles import chunk_cuts, trace_tile
 from lfcore.storage.layout import FrameLayout
@@ -21,7 +21,6 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
 from lfcore.tracing.job import PacketJob
 from lfcore.tracing.packets import ranks
-from lfcore.tracing.plan import BLOCKS_EACH, PROBED_BLOCKS, best_outer, probed_blocks
 from lfcore.tracing.tracer import Tracer
 
 SLAB = Slab(CAMERA, 8, 40)
@@ -44,12 +43,10 @@ ALL = macropixels(SLAB, PIXELS)
 def test_arguments_that_cannot_be_are_refused(tracer):
     for threads in (-1, 0):
         refused("threads", open_device, threads=threads)
-    for outer in (0, 3, 8):
-        refused("outer", painted_tracer, outer=outer)
     for across in (-4, 0, 3, 32):
-        refused("across", tracer.mosaic_radiance, [ALL], PIXELS, across)
-    refused("sets", tracer.mosaic_radiance, [ALL, macropixels(SLAB, PIXELS[:8])], PIXELS, 4)
-    spanning = painted_tracer(outer=4)
+        refused("across", tracer.mosaic_radiance, [ALL], across)
+    refused("sets", tracer.mosaic_radiance, [ALL, macropixels(SLAB, PIXELS[:8])], 4)
+    spanning = painted_tracer(spanning=True)
     for method in ("bundle_hits", "bundle_radiance"):
         for name, wrong, words in (
             ("elements", np.zeros((16, 4)), "elements"), ("step", np.zeros(4), "step"),
@@ -114,16 +111,6 @@ def test_planes_hold_the_rays_of_rows_beyond_32768():
     assert tracing.plane_sums.sums[0].any(axis=0).sum() == 64 * 64
 
 
-def test_plans_are_remembered_with_the_elements_they_are_for(monkeypatch):
-    """A plan for one place is not used for another."""
-    tracer = painted_tracer()
-    answers = iter([1, 4])
-    monkeypatch.setattr("lfcore.tracing.plan.best_outer", lambda *_: next(answers))
-    slab = Slab(CAMERA, 16, 64)
-    found = [tracer.plan.outer(macropixels(slab, PIXELS + 20 * k)) for k in (0, 1, 0)]
-    assert found == [1, 4, 1]
-
-
 def test_arrays_beyond_32_bit_indices_are_refused():
     limit = SimpleNamespace(size=MOST_NUMBERS)
     check_indices([limit])
@@ -139,45 +126,6 @@ def test_a_device_without_float64_is_named_in_the_log(monkeypatch, caplog):
     monkeypatch.setattr(devices, "_context", lambda device: devices.cl.Context([real]))
     open_device()
     assert "float64" in caplog.text
-
-
-@pytest.mark.parametrize("make", [macropixels, views])
-@pytest.mark.parametrize("outer", [1, 2, 4])
-def test_probed_rays_are_rays_of_the_slab(make, outer):
-    place = np.array([[5, 9]])
-    bundles = make(Slab(CAMERA, 16, 16), place)
-    inside = np.arange(outer) - (outer - 1) / 2
-    around = place + np.stack(np.meshgrid(inside, inside), -1).reshape(-1, 2)
-    all_rays = dataclasses.replace(bundles, elements=bundles.lattice.centre_rays(around)).rays()
-    there = np.concatenate(all_rays, -1).reshape(-1, 6)
-    origins, directions = probed_blocks(bundles, outer)
-    assert origins.shape == directions.shape and origins.shape[1:] == (256, 3)
-    for ray in np.concatenate([origins, directions], -1).reshape(-1, 6)[::7]:
-        assert np.abs(there - ray).max(axis=1).min() < 1e-7
-
-
-def test_a_whole_picture_is_probed_by_a_few_rays():
-    slab = Slab(CAMERA, 16, 512)
-    v, u = np.mgrid[:512, :512]
-    origins, _ = probed_blocks(macropixels(slab, np.stack([u.ravel(), v.ravel()], 1)), 1)
-    assert len(origins) == PROBED_BLOCKS * BLOCKS_EACH
-
-
-def test_a_block_spans_more_where_its_rays_meet_fewer_triangles_for_it():
-    def hits(count):
-        """What a scene of squares ``count`` to the metre, two metres away, would answer."""
-
-        def closest_hit(origins, directions):
-            cell = np.floor((origins + 2.0 * directions)[:, :2] * count).astype(int)
-            return (cell[:, 0] % 4096 * 4096 + cell[:, 1] % 4096,)
-
-        return closest_hit
-
-    coarse, fine = hits(1), hits(400)
-    blurred = macropixels(Slab(CAMERA, 16, 512), np.array([[3, 200], [400, 7]]))
-    assert best_outer(coarse, blurred) == 1
-    far = Slab(dataclasses.replace(CAMERA, focus_m=50.0), 16, 512)
-    assert best_outer(fine, macropixels(far, np.array([[3, 200], [400, 7]]))) == 4
 
 
 @pytest.mark.kernels

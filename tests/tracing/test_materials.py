@@ -79,12 +79,12 @@ def sheets(materials, lights=(LAMP, SUN), *, smooth=True, count=18):
 
 
 @pytest.mark.parametrize(
-    ("name", "outer", "smooth"),
-    [*((name, 1, True) for name in MATERIALS), ("maps", 1, False), ("maps", 4, True)],
+    ("name", "spanning", "smooth"),
+    [*((name, False, True) for name in MATERIALS), ("maps", False, False), ("maps", True, True)],
 )
-def test_colours_are_the_oracles(device, name, outer, smooth):
+def test_colours_are_the_oracles(device, name, spanning, smooth):
     world = sheets(MATERIALS[name], smooth=smooth)
-    found, expected = slab_colours(world, Slab(CAMERA, 16, 8), device, outer=outer)
+    found, expected = slab_colours(world, Slab(CAMERA, 16, 8), device, spanning=spanning)
     assert np.ptp(expected) > 0.3
     difference = np.abs(np.clip(found, 0, 1) - expected).max(-1)
     # Texels are held to half a 1023rd of their root, a thousandth of their value.
@@ -113,7 +113,7 @@ def test_a_light_on_the_surface_is_finite(device, first, shape):
     world = sheets(materials, (lamp, SUN), smooth=False, count=0)
     exact = Camera(0.5, 0.3125, 1.0, np.inf)  # all numbers of its rays are without rounding
     world = dataclasses.replace(world, triangles=wall(4.0, 8.0), clip=False, camera=exact)
-    found, expected = slab_colours(world, Slab(exact, 1, 5), device, outer=1)
+    found, expected = slab_colours(world, Slab(exact, 1, 5), device, spanning=False)
     assert np.isfinite(found).all() and np.isfinite(expected).all()
     middle = len(found) // 2
     np.testing.assert_allclose(found[middle], expected[middle], atol=2e-3)
@@ -145,7 +145,7 @@ def test_a_bump_is_lit_from_its_side(device):
                     corners[order], uvs=uv[order], textures=[picture], lights=[light],
                     materials=[Material("m", (0.5,) * 3, normal_texture=0)], ambient=(0.0,) * 3,
                 )  # fmt: skip
-                seen[side] = tracer_of(world, device, outer=1).bundle_radiance(rays).mean()
+                seen[side] = tracer_of(world, device, spanning=False).bundle_radiance(rays).mean()
             opposite = {"right": "left", "left": "right", "above": "below"}[bright]
             # From behind, what bulges is a hollow.
             assert max(seen, key=seen.__getitem__) == (opposite if turned else bright)
@@ -225,7 +225,7 @@ def test_a_hole_shows_what_lies_behind(device):
     assert (tracer_of(solid, device).closest_hit(origins, directions)[1] == 1).all()
 
 
-WAYS = [{"outer": 1}, {"outer": 4}, {"single_rays": True}]
+WAYS = [{"spanning": False}, {"spanning": True}, {"single_rays": True}]
 
 
 @pytest.mark.parametrize("way", WAYS, ids=str)

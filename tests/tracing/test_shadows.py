@@ -56,7 +56,7 @@ def crumbs(each):
 
 def one_element(world, device=None):
     """A tracer whose blocks are of one element each."""
-    return tracer_of(world, device, outer=1, single_rays=False)
+    return tracer_of(world, device, spanning=False, single_rays=False)
 
 
 def fan(depth, spokes=8, size=32.0):

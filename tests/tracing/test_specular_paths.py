@@ -164,7 +164,7 @@ def test_a_camera_sees_one_part_or_two():
         assert (off > 1e-4).mean() < 0.02
     whole = tracer_of(glass, specular=True).bundle_radiance(rays)
     np.testing.assert_array_equal(whole, own[0] + shown[0])
-    mosaic = tracer_of(glass, specular=True).mosaic_radiance([rays, rays], None, 1)
+    mosaic = tracer_of(glass, specular=True).mosaic_radiance([rays, rays], 1)
     np.testing.assert_array_equal(mosaic, 2 * whole.reshape(mosaic.shape))
     away = replace(rays, elements=rays.elements + np.float32([0, 0, 1, 0]))
     assert len(tracer_of(glass, specular=True).parts(away)) == 1

@@ -85,7 +85,7 @@ def test_a_wide_picture_has_the_rays_of_its_square(device, pixels):
 @pytest.mark.parametrize(
     ("make", "way"),
     [
-        (lit_soup, {}), (lit_soup, {"outer": 2}), (lit_soup, {"outer": 4}),
+        (lit_soup, {"spanning": False}), (lit_soup, {"spanning": True}),
         (crowd, {}), (crowd, {"single_rays": True}),
     ],
 )  # fmt: skip
@@ -175,7 +175,7 @@ def test_workers_are_as_many_as_memory_has_sums_for(monkeypatch):
     assert (formed(tracer, layout) == many).all()
 
 
-OUTER = {8: None, 10: 4, 12: 1}
+SPANNING = {8: None, 10: True, 12: False}
 MADE = {"macropixels": bundles.macropixels, "views": bundles.views}
 # (kind, views, pixels, pack): inner grids that are odd, smaller and larger than a block, in frames
 # with empty slots, and with a margin around all.
@@ -202,7 +202,7 @@ def tracers():
     """One of one lane, and one for each number of bits: each way to cut packets with some."""
     world = painted_wall()
     bvh, wide = build_bvh(world.triangles), open_device(threads=2)
-    made = {bits: Tracer(world, bvh, wide, outer=outer) for bits, outer in OUTER.items()}
+    made = {bits: Tracer(world, bvh, wide, spanning=way) for bits, way in SPANNING.items()}
     return made | {1: Tracer(world, bvh, open_device(threads=2, lanes=1))}
 
 

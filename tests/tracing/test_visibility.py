@@ -24,8 +24,7 @@ WAYS = [
     *(
         pytest.param(way, marks=pytest.mark.kernels, id=str(way))
         for way in (
-            {"outer": 2, "single_rays": False}, {"outer": 4, "single_rays": False},
-            {"single_rays": True},
+            {"spanning": True, "single_rays": False}, {"single_rays": True},
         )
     ),
 ]  # fmt: skip
@@ -76,10 +75,10 @@ def test_bundles_of_either_kind_agree_with_embree(device, make, way):
     assert np.abs(found["tfar"][same] / depth.ravel()[same] - 1).max() < 1e-4
 
 
-@pytest.mark.parametrize("outer", [1, 2, 4])
-def test_blocks_lose_no_triangle_that_falls_between_rays(device, outer):
+@pytest.mark.parametrize("spanning", [False, True])
+def test_blocks_lose_no_triangle_that_falls_between_rays(device, spanning):
     # As small as the way from ray to ray, in focus and out of it, where rays cross too.
-    tracer = tracer_of(soup(20_000, 1, 0.03), device, outer=outer)
+    tracer = tracer_of(soup(20_000, 1, 0.03), device, spanning=spanning)
     slab = Slab(CAMERA, 16, 64)
     places = np.stack(np.meshgrid(np.arange(64), np.arange(24, 40)), -1).reshape(-1, 2)
     bundles = macropixels(slab, places)
@@ -148,7 +147,7 @@ def test_one_pass_or_two_and_rows_or_all_give_the_same(device, single_rays):
             np.testing.assert_array_equal(these, all_of[:, band[0] : sum(band)])
 
 
-@pytest.mark.parametrize("tracing", [{"outer": 1}, {"outer": 4}, {"single_rays": True}])
+@pytest.mark.parametrize("tracing", [*WAYS, {"spanning": False}])
 def test_copies_at_one_place_go_to_the_lowest_index(device, tracing):
     """Rewound or flipped, whichever of them has the lowest number."""
     triangles = np.float32(soup(60, 5, 0.6))
@@ -235,7 +234,7 @@ def two_pixels(slab):
 @pytest.mark.parametrize("name", SCENES)
 def test_triangles_are_the_oracles(device, name):
     slab = Slab(CAMERA, 40, 24)
-    check_hits(tracer_of(SCENES[name], device, outer=1), slab, two_pixels(slab), least=0.1)
+    check_hits(tracer_of(SCENES[name], device, spanning=False), slab, two_pixels(slab), least=0.1)
 
 
 @pytest.mark.kernels
@@ -244,6 +243,6 @@ def test_few_triangles_have_the_oracles_colours(device, name):
     """A mesh of few triangles to a block, and one whose triangles pass through each other."""
     slab = Slab(CAMERA, 100, 24)
     world, pixels = scene(FEW[name], lights=[LAMP]), two_pixels(slab)
-    found, truth = colours(world, macropixels(slab, pixels), pixels, device, outer=1)
+    found, truth = colours(world, macropixels(slab, pixels), pixels, device, spanning=False)
     assert np.ptp(found) > 0.1
     assert (np.abs(found - truth).max(-1) > 1e-4).mean() < 5e-3

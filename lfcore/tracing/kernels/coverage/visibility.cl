@@ -35,7 +35,7 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
 
 inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *list, Coverage *c)
 {
-    const Frustum frustum = make_frustum(bundle, bundle);
+    const Frustum frustum = make_frustum(bundle);
     for (int base = 0; base < list->count; base += LANES) {
         const int left = list->count - base;
         const uint listed = left < LANES ? (1u << left) - 1u : ~0u;

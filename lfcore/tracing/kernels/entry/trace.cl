@@ -60,7 +60,7 @@ inline void take_packet(const Tree *tree, const Packet *packet, Pipeline *p)
     global Memory *m = p->memory;
     Visibility visibility = {.memory = &m->visibility};
     Block b = {.regions = {m->regions}, .equations = m->equations};
-    if (packet->blocks) find_visible(tree, packet, &visibility);
+    find_visible(tree, packet, &visibility);
     for (int block = 0; block < packet->rays->blocks; ++block) {
         if (!has_block(packet, block)) continue;
         const Coverage *coverage = visibility.block + block;

@@ -21,7 +21,7 @@ inline void write_rays(const Packet *p, int block, global const uint *from, glob
     const Rays *rays = p->rays;
     const int2 where = block_position(p, block), inside = block_inside(p, block);
     for (int part = 0; part < OUTER * OUTER; ++part) {
-        const int element = block_element(p, block, part);
+        const int element = p->members[part];
         if (element < 0) continue;
         global const uint *row = from + first_ray(part);
         global uint *out = to + result_row(rays, element, where.y) * rays->columns + where.x;
@@ -58,7 +58,7 @@ inline void write_colours(const Packet *packet, int block, global const float *c
     const int2 where = block_position(packet, block), inside = block_inside(packet, block);
     const ulong pitch = 3 * (ulong)across * rays->columns;
     for (int part = 0; part < OUTER * OUTER; ++part) {
-        const int element = block_element(packet, block, part);
+        const int element = packet->members[part];
         if (element < 0) continue;
         global const float *c = colours + first_ray(part);
         const ulong column = (ulong)(element % across) * rays->columns + where.x;

@@ -30,30 +30,25 @@ typedef struct { global ListedLeaves *leaves; int count; } LeafList;
 
 // A frustum: the intervals of x and of y, at depth z, that a set of rays reaches,
 //     [o_lo + z d_lo - |h + z g| - |hu + z gu|, o_hi + z d_hi + |h + z g| + |hu + z gu|]
-// of centre rays o + z d and half extents h + z g (inner grid), hu + z gu (a block's elements).
+// of the centre ray o + z d, widened by rounding errors, and half extents h + z g (inner grid), hu +
+// z gu (a block's elements).
 // The upper bound is convex in z, the lower one concave: the ends of a box's depth range suffice.
 typedef struct { float o_lo, o_hi, d_lo, d_hi, h, g; } Interval;
 typedef struct { Interval x, y; float hu, gu; } Frustum;
 
-inline Interval widened(Interval a, float hu, float gu)
+inline Interval make_interval(float o, float d, float h, float g, float hu, float gu)
 {
-    const float o = FRUSTUM_SLACK * (max(fabs(a.o_lo), fabs(a.o_hi)) + fabs(a.h) + fabs(hu));
-    const float d = FRUSTUM_SLACK * (max(fabs(a.d_lo), fabs(a.d_hi)) + fabs(a.g) + fabs(gu));
-    a.o_lo -= o;
-    a.o_hi += o;
-    a.d_lo -= d;
-    a.d_hi += d;
-    return a;
+    const float near = FRUSTUM_SLACK * (fabs(o) + fabs(h) + fabs(hu));
+    const float far = FRUSTUM_SLACK * (fabs(d) + fabs(g) + fabs(gu));
+    return (Interval){o - near, o + near, d - far, d + far, h, g};
 }
 
-// The frustum of all rays between two bundles of the same steps and half_extent.
-inline Frustum make_frustum(const Bundle *lo, const Bundle *hi)
+// The frustum of the rays of a bundle.
+inline Frustum make_frustum(const Bundle *r)
 {
-    const float half_extent = lo->half_extent;
-    const float hu = OUTER_HALF * lo->a, gu = OUTER_HALF * lo->b;
-    const Interval x = {lo->ox, hi->ox, lo->dx, hi->dx, half_extent * lo->sx, half_extent * lo->tx};
-    const Interval y = {lo->oy, hi->oy, lo->dy, hi->dy, half_extent * lo->sy, half_extent * lo->ty};
-    return (Frustum){widened(x, hu, gu), widened(y, hu, gu), hu, gu};
+    const float n = r->half_extent, hu = OUTER_HALF * r->a, gu = OUTER_HALF * r->b;
+    return (Frustum){make_interval(r->ox, r->dx, n * r->sx, n * r->tx, hu, gu),
+                     make_interval(r->oy, r->dy, n * r->sy, n * r->ty, hu, gu), hu, gu};
 }
 
 // Half the extent along an axis at depth z.
