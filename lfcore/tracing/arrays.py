@@ -12,13 +12,10 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.job import PacketJob
-from lfcore.tracing.layouts import ADD, STREAM
 from lfcore.tracing.packets import Groups, PacketShape
 
 DEVICE_RAYS = 1 << 24
 """The rays whose results a device with its own memory holds at a time."""
-STREAM_BYTES = 32 << 20
-"""The size of images, bytes, above which kernels write past the caches, which cannot hold them."""
 
 
 def fill_arrays(
@@ -58,13 +55,11 @@ def fill_arrays(
         written: dict[str, Any] = {
             name: device.target_buffer(piece) for name, piece in pieces.items()
         }
-        stream = "radiance" in pieces and pieces["radiance"].nbytes > STREAM_BYTES
         parts = [replace(whole, elements=whole.elements[start:stop]) for whole in sets]
         places = None if coordinates is None else np.asarray(coordinates)[start:stop]
         for order, bundles in enumerate(parts):
-            mode = (ADD if order else 0) | (STREAM if stream else 0)
             groups = _groups(job.shape, bundles, places)
-            job.launch(bundles, groups, across=across, mode=mode, **written, **inputs)
+            job.launch(bundles, groups, across=across, add=order > 0, **written, **inputs)
         for name, piece in pieces.items():
             device.collect(written[name], piece)
 

@@ -17,7 +17,7 @@ from lfcore.tracing.bvh import Bvh, depths
 from lfcore.tracing.layouts import LINE, MOST_LEVELS, SCENE_ARGUMENTS, SCENE_ARRAYS
 from lfcore.tracing.surfaces import pack_surfaces
 
-UNMOVED = {"textures": ("levels", "texels"), "light": ("grids", "light")}
+UNMOVED = {"textures": ("mip_levels", "texels"), "light": ("grids", "baked_light")}
 """The attributes of a scene that stay while it moves, and their arrays on the device."""
 MOST_NUMBERS = 2**31 - 1
 """The most numbers per array: kernels index by 32-bit integers."""

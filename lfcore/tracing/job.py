@@ -119,11 +119,11 @@ class PacketJob:
         self.scratch: cl.Buffer = scene.device.empty(self.kernel.scratch_bytes)
 
     def launch(
-        self, bundles: Bundles, groups: Groups, *, across: int = 1, mode: int = 0, **sink: Any
+        self, bundles: Bundles, groups: Groups, *, across: int = 1, add: bool = False, **sink: Any
     ) -> None:
         """Trace ``groups`` of bundles into the sink's arguments before the queue is done.
 
-        ``across`` and ``mode`` as in RAY_ARGUMENTS.
+        ``across`` and ``add`` as in RAY_ARGUMENTS.
         """
         device, shape = self.scene.device, self.shape
         lattice = bundles.lattice if shape.outer > 1 else None
@@ -135,7 +135,7 @@ class PacketJob:
             columns=bundles.columns, rows=bundles.rows, first_row=bundles.first_row,
             end_row=bundles.first_row + bundles.traced_rows, packets=packets,
             pixel_pitch=bundles.pixel_pitch, half_extent=shape.half_extent,
-            side=shape.side, across=across, mode=mode,
+            side=shape.side, across=across, add=add,
         )  # fmt: skip
         self.kernel(
             max(1, min(device.threads, packets)),

@@ -12,8 +12,8 @@ from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
 from lfcore.tracing.alpha_test import ALPHA_TEST
 
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
+BAKED_BITS, BAKED_BIAS = 9, 15
 TEXTURED, ALPHA_TESTS, PHYSICAL = 1, 2, 4
-ADD, STREAM = 1, 2
 LINE = 64
 MAP_BASE, MAP_NORMAL, MAP_METAL, MAP_EMISSION, MAPS = range(5)
 CONSTANTS: dict[str, int | float] = {
@@ -21,6 +21,8 @@ CONSTANTS: dict[str, int | float] = {
     "MOST_LEVELS": MOST_LEVELS,  # levels of a hierarchy that the kernels' stacks hold
     "MIP_LEVELS": MIP_LEVELS,
     "TEXEL_BITS": TEXEL_BITS,  # per channel of a texel
+    "BAKED_BITS": BAKED_BITS,  # per channel of baked light, below an exponent
+    "BAKED_BIAS": BAKED_BIAS,  # of that exponent
     "FAR": 3.0e38,  # beyond every depth
     "FLAT_NORMALS": FLAT_NORMALS,  # corners' normals that differ by less are a flat triangle's
     "MOST_ATTENUATION": MOST_ATTENUATION,
@@ -33,8 +35,6 @@ CONSTANTS: dict[str, int | float] = {
     "ALPHA_TESTS_BIT": ALPHA_TESTS,  # triangles with holes
     "PHYSICAL_BIT": PHYSICAL,  # see Needs.physical
     "LINE": LINE,  # bytes, to which the scene's arrays are aligned
-    "ADD": ADD,  # of RAY_ARGUMENTS' mode: add to the image
-    "STREAM": STREAM,  # write past the caches
     "MAP_BASE": MAP_BASE, "MAP_NORMAL": MAP_NORMAL, "MAP_METAL": MAP_METAL,  # of a material
     "MAP_EMISSION": MAP_EMISSION, "MAPS": MAPS,
     "GLOSS_LEVELS": LEVELS, "GLOSS_SIDE": SIDE, "GLOSS_SHARES": SHARES,  # scene/sky_gloss.py
@@ -74,7 +74,7 @@ LIGHT = np.dtype([
     ("triangles", INT, 2),  # first and one past the last of the emitter's, which never shadow it
     ("visible", INT),  # to mirrored rays
 ])  # fmt: skip
-LEVEL = np.dtype([("offset", INT), ("width", INT), ("height", INT), ("levels", INT)])
+MIP_LEVEL = np.dtype([("offset", INT), ("width", INT), ("height", INT), ("levels", INT)])
 """A mip level of a texture: its first texel, its size, and the number of the texture's levels."""
 BOXES = np.dtype([("low", FLOAT, (3, NODE_WIDTH)), ("high", FLOAT, (3, NODE_WIDTH))])
 """The boxes of a node's children: lowest and highest x, y and z."""
@@ -82,8 +82,8 @@ LEAF = np.dtype([("corner", FLOAT, (3, 3, NODE_WIDTH))])
 """The triangles of a leaf: x, y and z of corners p, q and r."""
 SCENE_ARRAYS = (
     "boxes", "children", "leaves", "leaf_ids", "alpha_test_of", "alpha_tests", "alpha",
-    "corners", "attributes", "material_ids", "materials", "lights", "levels", "texels",
-    "grids", "light", "sky",
+    "corners", "attributes", "material_ids", "materials", "lights", "mip_levels",
+    "texels", "grids", "baked_light", "sky",
 )  # fmt: skip
 """The arrays of a hierarchy and of surfaces, which are one buffer of a device."""
 SCENE_STARTS = np.dtype([(name, UINT) for name in SCENE_ARRAYS])
@@ -111,7 +111,7 @@ RAY_ARGUMENTS = np.dtype([
     ("half_extent", FLOAT),  # of a block, in columns
     ("side", INT),  # blocks along a side of a packet
     ("across", INT),  # elements in a row of a radiance image
-    ("mode", INT),  # ADD and STREAM
+    ("add", INT),  # whether radiance is added to what is there
 ])  # fmt: skip
 PATH_ARGUMENTS = np.dtype([("most_events", INT)])
 SEEN = np.dtype([
@@ -127,8 +127,8 @@ RAY_HIT = np.dtype([
 """The hit of a given ray."""
 
 RECORDS = {
-    "MaterialRecord": MATERIAL, "LightRecord": LIGHT, "AlphaTest": ALPHA_TEST, "Level": LEVEL,
-    "Boxes": BOXES, "Leaf": LEAF,
+    "MaterialRecord": MATERIAL, "LightRecord": LIGHT, "AlphaTest": ALPHA_TEST,
+    "MipLevel": MIP_LEVEL, "Boxes": BOXES, "Leaf": LEAF,
     "SceneStarts": SCENE_STARTS, "SceneArguments": SCENE_ARGUMENTS,
     "RayArguments": RAY_ARGUMENTS, "RayHit": RAY_HIT,
     "PathArguments": PATH_ARGUMENTS, "Seen": SEEN,

@@ -15,9 +15,11 @@ from lfcore.scene.needs import Needs, is_clear, is_specular
 from lfcore.scene.sky_gloss import sky_gloss
 from lfcore.tracing.layouts import (
     ALPHA_TESTS,
-    LEVEL,
+    BAKED_BIAS,
+    BAKED_BITS,
     LIGHT,
     MATERIAL,
+    MIP_LEVEL,
     MIP_LEVELS,
     PHYSICAL,
     TEXEL_BITS,
@@ -43,10 +45,10 @@ class Surfaces:
     material_ids: np.ndarray
     materials: np.ndarray
     lights: np.ndarray
-    levels: np.ndarray
+    mip_levels: np.ndarray
     texels: np.ndarray
     grids: np.ndarray
-    light: np.ndarray
+    baked_light: np.ndarray
     sky: np.ndarray
     shadow_lights: int
     clear_box: np.ndarray
@@ -59,7 +61,7 @@ def pack_surfaces(
     """Pack the features in ``needs``; arrays of other features are empty.
 
     Without ``mipmaps`` every texture has its finest level only.  ``left_out`` may name ``texels``
-    and ``light``, which are empty then.
+    and ``baked_light``, which are empty then.
 
     Raises :class:`SceneError` for a light, material or camera that float32 cannot hold.
     """
@@ -81,7 +83,7 @@ def pack_surfaces(
     materials = _pack_materials(scene)
     is_clear = (materials["clear"] > 0)[scene.material_ids] & needs.clear
     clear = scene.triangles[is_clear].reshape(-1, 3)
-    light = None if "light" in left_out else scene.light
+    light = None if "baked_light" in left_out else scene.light
     grids, values = with_levels(light) if light else ((), np.zeros((0, 3)))
     colours = scene.sky.reshape(-1, 3)  # followed by the maps of sky_gloss
     if len(colours) and needs.physical and scene.light is not None:
@@ -92,10 +94,10 @@ def pack_surfaces(
         material_ids=np.ascontiguousarray(scene.material_ids, np.int32),
         materials=materials,
         lights=_pack_lights(lights),
-        levels=levels,
+        mip_levels=levels,
         texels=texels,
         grids=np.ascontiguousarray(grids, np.int32),
-        light=pack_light(values),
+        baked_light=pack_light(values),
         sky=np.concatenate([colours, np.zeros_like(colours[:, :1])], 1, dtype=np.float32),
         shadow_lights=shadows,
         clear_box=np.stack([clear.min(0), clear.max(0)]) if len(clear) else np.zeros((2, 3)),
@@ -164,15 +166,17 @@ def _halved(points: np.ndarray, side: int) -> np.ndarray:
 
 
 def pack_light(values: np.ndarray) -> np.ndarray:
-    """(P,) uint32 of linear RGB (P, 3): 9 bits per colour and a shared exponent of 5.
+    """(P,) uint32 of linear RGB (P, 3): BAKED_BITS per channel, an exponent of BAKED_BIAS above.
 
     Source: OpenGL's EXT_texture_shared_exponent, 2004.
     """
-    values = np.clip(values, 0, 511 * 2.0**7)
-    exponent = np.frexp(values.max(-1, initial=0) * (1024 / 1023))[1].clip(-15, 16)
-    codes = np.rint(np.ldexp(values, (9 - exponent)[:, None])).astype(np.uint32)
-    codes <<= np.arange(3, dtype=np.uint32) * 9
-    return np.bitwise_or.reduce(codes, axis=-1) | (exponent + 15).astype(np.uint32) << 27
+    bits, bias, steps = BAKED_BITS, BAKED_BIAS, 2**BAKED_BITS
+    values = np.clip(values, 0, (1 - 1 / steps) * 2.0 ** (bias + 1))
+    rounded = values.max(-1, initial=0) * (2 * steps / (2 * steps - 1))
+    exponent = np.frexp(rounded)[1].clip(-bias, bias + 1)
+    codes = np.rint(np.ldexp(values, (bits - exponent)[:, None])).astype(np.uint32)
+    codes <<= np.arange(3, dtype=np.uint32) * bits
+    return np.bitwise_or.reduce(codes, axis=-1) | (exponent + bias).astype(np.uint32) << 3 * bits
 
 
 def _pack_materials(scene: Scene) -> np.ndarray:
@@ -207,11 +211,11 @@ def pack_textures(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mip chains of up to ``limit`` levels of sRGB uint8 pictures (H, W, 3 or more) in one buffer.
 
-    Returns the ``levels`` (textures, MIP_LEVELS) LEVEL and the ``texels`` uint32, the square roots
-    of linear RGB in TEXEL_BITS each.  Levels are box-filtered
-    in linear light.  Codes of the textures numbered in ``data`` are linear.
+    Returns the levels (textures, MIP_LEVELS) MIP_LEVEL and the ``texels`` uint32, the square roots
+    of linear RGB in TEXEL_BITS each.  Levels are box-filtered in linear light.  Codes of the
+    textures numbered in ``data`` are linear.
     """
-    levels = np.zeros((len(textures), MIP_LEVELS), LEVEL)
+    levels = np.zeros((len(textures), MIP_LEVELS), MIP_LEVEL)
     chunks, offset = [], 0
     for number, (entry, texture) in enumerate(zip(levels, textures, strict=True)):
         codes = np.arange(256, dtype=np.uint8)

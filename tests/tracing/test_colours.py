@@ -281,5 +281,5 @@ def test_a_scene_at_another_instant_keeps_textures_and_light_on_the_device(devic
         )
         rays = bundles.views(Slab(CAMERA, 2, 32), np.array([[0, 0], [1, 1]]))
         np.testing.assert_array_equal(now.bundle_radiance(rays), alone.bundle_radiance(rays))
-        assert kept[0] >= ({"grids", "light"} if world.light else {"levels", "texels"})
+        assert kept[0] >= ({"grids", "baked_light"} if world.light else {"mip_levels", "texels"})
         assert not kept[1]

@@ -8,6 +8,10 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "kernel.cl"
 
+// A float's bits: the exponent has this bias, above this many bits of the fraction.
+#define FLOAT_BIAS 127
+#define FRACTION_BITS 23
+
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
 
@@ -111,6 +115,12 @@ inline Vec pick3(Vec a, Vec b, vi mask)
 
 // A value per corner p, q and r of LANES triangles, such as coordinates along one axis.
 typedef struct { vf corner[3]; } Triple;
+
+// The geometric normals of LANES triangles with corners v: twice their area long.
+inline Vec geometric_normals(const Vec *v)
+{
+    return cross3(minus3(v[1], v[0]), minus3(v[2], v[0]));
+}
 
 inline vf least3(Triple a) { return min(a.corner[0], min(a.corner[1], a.corner[2])); }
 inline vf most3(Triple a) { return max(a.corner[0], max(a.corner[1], a.corner[2])); }

@@ -18,12 +18,12 @@ inline vf log2_fast(vf x)
     p = fma(p, t, (vf)(4.809311618e-01f));
     p = fma(p, t, (vf)(-7.213524874e-01f));
     p = fma(p, t, (vf)(1.442694922e+00f));
-    return fma(p, t, TO_VF(bits >> 23));
+    return fma(p, t, TO_VF(bits >> FRACTION_BITS));
 }
 
 inline vf exp2_fast(vf x)
 {
-    x = max(x, (vf)(-127.0f));
+    x = max(x, (vf)(-FLOAT_BIAS));
     const vf whole = floor(x + 0.5f), t = x - whole;
     vf p = 1.327647152e-03f;
     p = fma(p, t, (vf)(9.675541331e-03f));
@@ -31,5 +31,5 @@ inline vf exp2_fast(vf x)
     p = fma(p, t, (vf)(2.402211972e-01f));
     p = fma(p, t, (vf)(6.931469671e-01f));
     p = fma(p, t, (vf)(1.000000072e+00f));
-    return p * AS_VF((TO_VI(whole) + 127) << 23);
+    return p * AS_VF((TO_VI(whole) + FLOAT_BIAS) << FRACTION_BITS);
 }

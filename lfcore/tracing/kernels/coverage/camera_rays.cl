@@ -21,20 +21,14 @@ typedef struct {
     float near;
 } Start;
 
-inline float3 face_normal(const Scene *s, int id)
-{
-    const float3 p = corner(s, id, 0);
-    return cross_product(corner(s, id, 1) - p, corner(s, id, 2) - p);
-}
-
 inline int is_ignored(const Start *start, int id, float time)
 {
     const Scene *s = start->scene;
     if (id == start->last) return 1;
     if (start->last < 0 || time > start->near) return 0;
     if (!start->passes || id == start->before) return 1;
-    const float facing = inner_product(face_normal(s, id), start->direction) *
-                         inner_product(face_normal(s, start->last), start->direction);
+    const float facing = inner_product(geometric_normal(s, id), start->direction) *
+                         inner_product(geometric_normal(s, start->last), start->direction);
     return s->material_ids[id] == s->material_ids[start->last] && facing > 0.0f;
 }
 
@@ -60,7 +54,8 @@ inline void take_nearest(const Tree *tree, const Ray *r, int leaf, uint bits, co
 inline Hit nearest_hit(const Tree *tree, const Ray *r, const Start *start)
 {
     const float3 inverse = r->path.inverse_lo;
-    const Volume volume = {0, &r->path, 1 + (inverse.x * inverse.y * inverse.z != 0.0f)};
+    const Volume volume = {.sweep = &r->path, .sorted = 1,
+                           .oblique = inverse.x * inverse.y * inverse.z != 0.0f};
     Hit hit = {FAR, -1};
     Stack stack;
     start_walk(&stack);

@@ -56,7 +56,8 @@ inline Axis make_axis(const Bundle *r, const Vec *v, int down)
         z.corner[k] = v[k].z;
     }
     const vf most = largest3(at) + fma(largest3(z), (vf)(directions), (vf)(origins));
-    return (Axis){s, t, r->a, r->b, r->half_extent, at, z, CORNER_ERROR * most};
+    return (Axis){.s = s, .t = t, .a = r->a, .b = r->b, .half_extent = r->half_extent,
+                  .at = at, .z = z, .error = CORNER_ERROR * most};
 }
 
 // Mask of triangles wholly beside the rays, front and back faces.  The half width of the rays is
@@ -219,7 +220,7 @@ inline WideAffine stepped_affine(vf one, vf x, vf y, float step_x, float step_y,
 inline void depth_functions(const Bundle *r, const Vec *v, vi flip, WideAffine *numerator,
                             WideAffine *denominator)
 {
-    const Vec n = turn_vectors(cross3(minus3(v[1], v[0]), minus3(v[2], v[0])), flip);
+    const Vec n = turn_vectors(geometric_normals(v), flip);
     *numerator = stepped_affine(dot3(n, v[0]), -n.x, -n.y, r->sx, r->sy, r->a);
     *denominator = stepped_affine(n.z, n.x, n.y, r->tx, r->ty, r->b);
 }

@@ -60,7 +60,7 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
         return;
     }
     const Frustum frustum = packet_frustum(p);
-    const Volume volume = {&frustum, 0, 0};
+    const Volume volume = {.frustum = &frustum};
     Stack stack;
     start_walk(&stack);
     while (stack.size) {

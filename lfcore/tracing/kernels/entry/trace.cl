@@ -135,8 +135,9 @@ inline Scene make_scene(global const uchar *scene, const SceneArguments *numbers
     const SceneStarts *starts = &numbers->starts;
     return (Scene){.corners = ARRAY(corners), .attributes = ARRAY(attributes),
                    .material_ids = ARRAY(material_ids), .materials = ARRAY(materials),
-                   .lights = ARRAY(lights), .levels = ARRAY(levels), .texels = ARRAY(texels),
-                   .grids = ARRAY(grids), .light = ARRAY(light), .sky = ARRAY(sky),
+                   .lights = ARRAY(lights), .mip_levels = ARRAY(mip_levels),
+                   .texels = ARRAY(texels), .grids = ARRAY(grids),
+                   .baked_light = ARRAY(baked_light), .sky = ARRAY(sky),
                    .numbers = numbers};
 }
 
@@ -167,7 +168,7 @@ KERNEL void trace_bundles(trace_bundles_PARAMETERS)
     const Tree tree = make_tree(scene, &scene_numbers.starts);
     const Scene surfaces = make_scene(scene, &scene_numbers);
     const Arrays arrays = {.triangle = triangle, .depth = depth, .across = ray_numbers.across,
-                           .mode = ray_numbers.mode, .shaded = {radiance, albedo, normal}};
+                           .add = ray_numbers.add, .shaded = {radiance, albedo, normal}};
     Pipeline pipeline = make_pipeline(&tree, &surfaces, ray_numbers.pixel_pitch, scratch, &arrays);
     const Rays rays = make_rays(centre_rays, members, &ray_numbers);
     for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {

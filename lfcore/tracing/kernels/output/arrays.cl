@@ -34,25 +34,20 @@ inline void write_rays(const Packet *p, int block, global const uint *from, glob
 }
 
 // Write a whole row of a block as 16 times r g b.
-inline void write_row(global const float *c, int mode, global float *to)
+inline void write_row(global const float *c, int add, global float *to)
 {
     float16 parts[3];
     interleave_colours(vload16(0, c), vload16(0, c + BLOCK_RAYS), vload16(0, c + 2 * BLOCK_RAYS),
                        parts);
-    // Stores past the caches must be aligned to a line, which is a block's row.
-    const int past_caches = (mode & STREAM) && (ulong)to % LINE == 0;
-    for (int k = 0; k < 3; ++k, to += BLOCK) {
-        if (mode & ADD) parts[k] += vload16(0, to);
-        if (past_caches) __builtin_nontemporal_store(parts[k], (global float16 *)to);
-        else vstore16(parts[k], 0, to);
-    }
+    for (int k = 0; k < 3; ++k, to += BLOCK)
+        vstore16(add ? parts[k] + vload16(0, to) : parts[k], 0, to);
 }
 
-// Write the block's colours inside the inner grid to `radiance` (E / across *
-// rows, across * columns, 3), a mosaic of the elements' pictures: element e is in row e / across,
-// column e % across.
+// Write the block's colours inside the inner grid to `radiance` (E / across * rows, across *
+// columns, 3), a mosaic of the elements' pictures: element e is in row e / across, column e % across.
+// With `add` they are added to what is there.
 inline void write_colours(const Packet *packet, int block, global const float *colours,
-                          int across, int mode, global float *radiance)
+                          int across, int add, global float *radiance)
 {
     const Rays *rays = packet->rays;
     const int2 where = block_position(packet, block), inside = block_inside(packet, block);
@@ -66,12 +61,12 @@ inline void write_colours(const Packet *packet, int block, global const float *c
                            3 * column;
         for (int y = 0; y < inside.y; ++y, c += BLOCK, to += pitch) {
             if (inside.x == BLOCK) {
-                write_row(c, mode, to);
+                write_row(c, add, to);
                 continue;
             }
             for (int x = 0; x < inside.x; ++x) {
                 const float3 colour = (float3)(c[x], c[x + BLOCK_RAYS], c[x + 2 * BLOCK_RAYS]);
-                vstore3(mode & ADD ? vload3(x, to) + colour : colour, x, to);
+                vstore3(add ? vload3(x, to) + colour : colour, x, to);
             }
         }
     }
@@ -81,7 +76,7 @@ inline void write_colours(const Packet *packet, int block, global const float *c
 typedef struct {
     global int *triangle;           // (E, rows, columns)
     global float *depth;            // (E, rows, columns)
-    int across, mode;               // of colours, as for write_colours
+    int across, add;                // of colours, as for write_colours
     global float *shaded[MOST_SHADED];  // (E, rows, columns, 3), as in shade.cl
 } Arrays;
 
@@ -89,7 +84,7 @@ inline void write_arrays(const Packet *packet, int block, const Coverage *covera
                          global const float *shaded, const Arrays *to)
 {
     for (int k = 0; k < SHADED && SINK != HITS; ++k)
-        write_colours(packet, block, shaded + k * COLOURS, to->across, to->mode, to->shaded[k]);
+        write_colours(packet, block, shaded + k * COLOURS, to->across, to->add, to->shaded[k]);
     if (to->depth) write_rays(packet, block, (global uint *)coverage->z, (global uint *)to->depth);
     if (to->triangle)
         write_rays(packet, block, (global uint *)coverage->ids, (global uint *)to->triangle);

@@ -4,7 +4,7 @@
 
 // A surface's material and one mip level of its textures (height 0: none; without PHYSICAL only the
 // first).  A shading key names both, material * MIP_LEVELS + level.
-typedef struct { MaterialRecord record; Level maps[MAPS]; } Material;
+typedef struct { MaterialRecord record; MipLevel maps[MAPS]; } Material;
 
 // What the own light of surfaces lacks, because other rays bring it: factors of the diffuse
 // reflection of lights, and of surroundings; masks of metals that reflect their surroundings, and of

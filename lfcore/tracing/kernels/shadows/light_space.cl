@@ -243,9 +243,7 @@ inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uin
 // The hit points among `bits` of a row, all behind an occluder, that its holes leave dark.
 inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder, int at, uint bits)
 {
-    const float3 p = corner(s->scene, occluder, 0);
-    const float3 n = cross_product(corner(s->scene, occluder, 1) - p,
-                                   corner(s->scene, occluder, 2) - p);
+    const float3 p = corner(s->scene, occluder, 0), n = geometric_normal(s->scene, occluder);
     uint dark = 0;
     for (; bits; bits &= bits - 1) {
         const uint k = lowest(bits);
@@ -322,7 +320,7 @@ inline int cast_light_space(const Shadows *s, global const Hits *hits, const Sha
     if (!project_hits(s, &l)) return 0;
     Stack stack;
     start_walk(&stack);
-    for (int leaf; l.lit && (leaf = next_hiding(s->tree, rays, &stack)) >= 0;)
+    for (int leaf; l.lit && (leaf = next_occluding(s->tree, rays, &stack)) >= 0;)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES) cast_leaf(s, leaf, lane, &l);
     for (int at = 0; at < l.count; ++at) s->active[l.ray[at]] = l.active[at];
     return 1;

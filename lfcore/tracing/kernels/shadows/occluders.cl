@@ -21,8 +21,6 @@ inline vf shadow_margin(Vec n, Vec v, float3 size)
     return SHADOW_MARGIN * dot3(absolute3(n), plus3(absolute3(v), spread3(size)));
 }
 
-inline Vec geometric_normal(const Vec *v) { return cross3(minus3(v[1], v[0]), minus3(v[2], v[0])); }
-
 // LANES triangles: corners relative to the apex, and the sign that turns affine functions to the
 // side of the light.
 typedef struct { Vec v[3]; vi flip; } Occluders;
@@ -31,7 +29,7 @@ typedef struct { Vec v[3]; vi flip; } Occluders;
 // the light, which cast no shadow.
 inline HalfSpace face_plane(const ShadowRays *r, Occluders *o, vi *may)
 {
-    const Vec n = geometric_normal(o->v);
+    const Vec n = geometric_normals(o->v);
     const vf offset = dot3(n, o->v[0]);
     const vf side = r->is_point ? offset : dot3(n, spread3(r->towards));
     o->flip = AS_VI(side) & (vi)(0x80000000);

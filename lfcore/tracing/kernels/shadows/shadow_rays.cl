@@ -79,8 +79,8 @@ inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *b
 }
 
 // The next leaf that may occlude a ray; -1 at the end.
-inline int next_hiding(const Tree *tree, const ShadowRays *r, Stack *stack)
+inline int next_occluding(const Tree *tree, const ShadowRays *r, Stack *stack)
 {
-    const Volume volume = {0, &r->shaft, 0};
+    const Volume volume = {.sweep = &r->shaft};
     return next_leaf(tree, &volume, r->end, stack);
 }

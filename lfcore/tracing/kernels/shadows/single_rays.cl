@@ -16,7 +16,7 @@ inline uint shading_lanes(const Shadows *s, const Ray *r, int leaf, int lane, in
                         (clear ? ~passed : passed);
     Vec v[3];
     load_corners(s->tree->leaves + leaf, lane, 0.0f, v);
-    const Vec n = geometric_normal(v);
+    const Vec n = geometric_normals(v);
     const vf off = dot3(n, minus3(v[0], spread3(r->origin)));
     const vi is_off = GT(fabs(off), shadow_margin(n, v[0], fabs(r->origin)));
     return row_bits(is_off & ~left_out) << lane;
@@ -36,7 +36,7 @@ inline int occludes(const Shadows *s, const Ray *r, int leaf, float far, int rec
 // The leaf that occludes the ray nearer than `far`, or -1.
 inline int occluding_leaf(const Shadows *s, const Ray *r, float far, int receiver, int2 light)
 {
-    const Volume volume = {0, &r->path, 1};
+    const Volume volume = {.sweep = &r->path, .sorted = 1};
     Stack stack;
     start_walk(&stack);
     int leaf;

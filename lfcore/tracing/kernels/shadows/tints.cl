@@ -50,8 +50,8 @@ inline float3 texture_at(const Scene *s, int id, int map, float3 w)
 inline float3 colour_between(const Scene *s, int id, float3 w)
 {
     if (!VERTEX_COLOURS) return 1.0f;
-    global const float *of = attributes_of(s, id) + 9 * SMOOTH + 6 * TEXTURED;
-    return w.x * vload3(0, of) + w.y * vload3(1, of) + w.z * vload3(2, of);
+    global const float *tints = attributes_of(s, id) + 9 * SMOOTH + 6 * TEXTURED;
+    return w.x * vload3(0, tints) + w.y * vload3(1, tints) + w.z * vload3(2, tints);
 }
 
 // The share that passes a clear triangle at a point, given by its barycentric weights, too;
@@ -61,8 +61,7 @@ inline float3 pass_triangle(const Shadows *s, int id, float3 point, float3 weigh
 {
     const Scene *scene = s->scene;
     global const MaterialRecord *m = scene->materials + scene->material_ids[id];
-    const float3 p = corner(scene, id, 0);
-    const float3 n = cross_product(corner(scene, id, 1) - p, corner(scene, id, 2) - p);
+    const float3 n = geometric_normal(scene, id);
     const float slant = inner_product(n, direction);
     const float size = sqrt(inner_product(n, n) * inner_product(direction, direction));
     const float cosine = fabs(slant) / max(size, LEAST_LENGTH);
@@ -90,7 +89,7 @@ inline float3 pass_triangle(const Shadows *s, int id, float3 point, float3 weigh
 inline float3 tint_of(const Shadows *s, const Ray *r, float far, int receiver, int2 light)
 {
     float3 tint = 1.0f, absorbed = 0.0f;
-    const Volume volume = {0, &r->path, 1};
+    const Volume volume = {.sweep = &r->path, .sorted = 1};
     Stack stack;
     start_walk(&stack);
     for (int leaf; (leaf = next_leaf(s->tree, &volume, far, &stack)) >= 0;) {

@@ -7,13 +7,14 @@
 #pragma once
 #include "texture.cl"
 
-// Add a share of the light at points.  A point has 9 bits per colour and an exponent.
+// Add a share of the light at points.  A point has BAKED_BITS per channel and an exponent.
 inline Vec add_point(Vec sum, vu point, vf share)
 {
-    share *= AS_VF(AS_VI(point >> 27) + 103 << 23);
-    const vu most = 511;
-    const Vec colour = {TO_VF(point & most), TO_VF((point >> 9) & most),
-                        TO_VF((point >> 18) & most)};
+    const vi exponent = AS_VI(point >> 3 * BAKED_BITS) - BAKED_BITS - BAKED_BIAS;
+    share *= AS_VF(exponent + FLOAT_BIAS << FRACTION_BITS);
+    const vu most = (1 << BAKED_BITS) - 1;
+    const Vec colour = {TO_VF(point & most), TO_VF((point >> BAKED_BITS) & most),
+                        TO_VF((point >> 2 * BAKED_BITS) & most)};
     return fma3(share, colour, sum);
 }
 
@@ -26,8 +27,8 @@ inline Vec baked_row(const Scene *s, vf x, vf y, vi first, vi side)
     const vi upper = GT(f + g, (vf)(1.0f)) & LT(i + j, side - 1);
     const vi along = first + j * (2 * side + 3 - j) / 2 + i, up = along + side + 1 - j;
     Vec sum = {0.0f, 0.0f, 0.0f};
-    sum = add_point(sum, fetch(s->light, pick_int(along, up + 1, upper)),
+    sum = add_point(sum, fetch(s->baked_light, pick_int(along, up + 1, upper)),
                     pick(1.0f - f - g, f + g - 1.0f, upper));
-    sum = add_point(sum, fetch(s->light, along + 1), pick(f, 1.0f - g, upper));
-    return add_point(sum, fetch(s->light, up), pick(g, 1.0f - f, upper));
+    sum = add_point(sum, fetch(s->baked_light, along + 1), pick(f, 1.0f - g, upper));
+    return add_point(sum, fetch(s->baked_light, up), pick(g, 1.0f - f, upper));
 }

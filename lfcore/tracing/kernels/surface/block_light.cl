@@ -17,6 +17,7 @@
 
 // The least cells per edge of a level: fewer are too coarse for the inside of a triangle.
 #define LEAST_CELLS 8
+#define MOST_HALVINGS 15  // of a grid's cells
 // Find the light of these rays, colour by colour, at a level where they are at most one cell apart;
 // false if there is no such level.
 inline int light_of_lattice(const Scene *s, global const PlaneEquations *p, Rectangle r,
@@ -26,8 +27,9 @@ inline int light_of_lattice(const Scene *s, global const PlaneEquations *p, Rect
     const float2 u = quotient_range(weight[1], weight[0], r);
     const float2 v = quotient_range(weight[2], weight[0], r);
     const int finest = p->grid[2];
-    const float cells = max(u.y - u.x, v.y - v.x) * finest / 3.0f;
-    const int level = clamp((as_int(cells) >> 23) - 126, 0, 15), side = finest >> level;
+    const float cells = max(u.y - u.x, v.y - v.x) * finest / 3.0f;  // from sample to sample
+    const int halvings = (as_int(cells) >> FRACTION_BITS) - FLOAT_BIAS + 1;
+    const int level = clamp(halvings, 0, MOST_HALVINGS), side = finest >> level;
     if (level && (side < LEAST_CELLS || side << level != finest)) return 0;
     // The corners turn to the viewer where the weights are negative.
     const int back = weight[0].term[ONE] > 0.0f;

@@ -31,7 +31,7 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *tri
     const vi flip = LT(out->weights.term[ONE], (vf)(0.0f)) & (vi)(0x80000000);
     depth_functions(r, v, flip, &out->numerator, &out->denominator);
     if (!SMOOTH) {
-        Vec n = directions_of(cross3(minus3(at[1], at[0]), minus3(at[2], at[0])));
+        Vec n = directions_of(geometric_normals(at));
         n = turn_vectors(n, ~flip & (vi)(0x80000000));
         const vf component[3] = {n.x, n.y, n.z};
         for (int k = 0; k < 3; ++k) out->slot[NORMAL + k] = (WideAffine){{component[k]}};

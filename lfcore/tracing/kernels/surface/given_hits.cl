@@ -70,7 +70,7 @@ inline int read_given(const Scene *s, const GivenRays *rays, float pixel_pitch,
         if (missed[k]) row->triangles.ids[k] = any;
     Vec v[3];
     read_corners(s, &row->triangles, v);
-    row->normal = cross3(minus3(v[1], v[0]), minus3(v[2], v[0]));
+    row->normal = geometric_normals(v);
     row->front = LT(dot3(row->normal, row->direction), (vf)(0.0f));
     return 1;
 }

@@ -15,10 +15,10 @@ typedef struct {
     global const int *material_ids;  // (T,)
     global const MaterialRecord *materials;
     global const LightRecord *lights;
-    global const Level *levels;      // (textures, MIP_LEVELS)
+    global const MipLevel *mip_levels;  // (textures, MIP_LEVELS)
     global const uint *texels;
     global const int *grids;         // (T, 3) see baked.cl
-    global const uint *light;        // (P,) of the points of all grids
+    global const uint *baked_light;  // (P,) at the points of all grids
     global const float *sky;         // (side, side, 4), and the maps of sky_gloss.cl
     const SceneArguments *numbers;
 } Scene;
@@ -44,6 +44,12 @@ enum {
 inline float3 corner(const Scene *s, int triangle, int k)
 {
     return vload3(k, s->corners + triangle * 9);
+}
+// The geometric normal of a triangle, twice its area long.
+inline float3 geometric_normal(const Scene *s, int triangle)
+{
+    const float3 p = corner(s, triangle, 0);
+    return cross_product(corner(s, triangle, 1) - p, corner(s, triangle, 2) - p);
 }
 inline global const float *attributes_of(const Scene *s, int triangle)
 {

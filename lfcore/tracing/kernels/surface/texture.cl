@@ -11,9 +11,9 @@ inline int map_of(global const MaterialRecord *material, int map)
 {
     return TEXTURED ? material->maps[map] : -1;
 }
-inline Level level_of(const Scene *s, int texture, int level)
+inline MipLevel level_of(const Scene *s, int texture, int level)
 {
-    return texture < 0 ? (Level){0, 0, 0, 0} : s->levels[texture * MIP_LEVELS + level];
+    return texture < 0 ? (MipLevel){0, 0, 0, 0} : s->mip_levels[texture * MIP_LEVELS + level];
 }
 
 // The texture whose texels choose the mip level; -1 without textures.
@@ -26,7 +26,7 @@ inline int leading_map(global const MaterialRecord *material)
 
 // A material's textures, at the levels with texels about as large as the leading texture's at
 // `level`.
-inline void read_maps(const Scene *s, global const MaterialRecord *material, int level, Level *maps)
+inline void read_maps(const Scene *s, global const MaterialRecord *material, int level, MipLevel *maps)
 {
     const int levels = level_of(s, leading_map(material), 0).levels;
     for (int map = 0; map < (PHYSICAL ? MAPS : 1); ++map) {
@@ -49,14 +49,14 @@ inline int mip_level(const Scene *s, int triangle, float weights, float footprin
 {
     const int texture = leading_map(s->materials + s->material_ids[triangle]);
     if (texture < 0) return 0;
-    const Level finest = level_of(s, texture, 0);
+    const MipLevel finest = level_of(s, texture, 0);
     const float4 edges = coordinate_edges(s, triangle);
     const float twice = fabs(edges.x * edges.w - edges.z * edges.y);
     const float area = twice * finest.width * finest.height * footprint * footprint;
     const float texels = 2.0f * area / max(fabs(weights), NOTHING_LEFT);
     // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would
     // spill every vector register.
-    const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> 23) - 127) >> 1 : 0;
+    const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> FRACTION_BITS) - FLOAT_BIAS) >> 1 : 0;
     return min(level, finest.levels - 1);
 }
 
@@ -100,7 +100,7 @@ inline vi wrap(vi x, int size)
 }
 
 // v runs up, row 0 is on top.
-inline Vec sample_texture(global const uint *texels, Level image, vf u, vf v)
+inline Vec sample_texture(global const uint *texels, MipLevel image, vf u, vf v)
 {
     const int width = image.width, height = image.height;
     const vf x = fma(u - floor(u), (vf)(width), (vf)(-0.5f));

@@ -61,8 +61,9 @@ inline Bundle bundle_at(const Packet *p, int2 at, float half_extent)
     const float2 grid = (float2)(r->columns - 1, r->rows - 1);
     const float2 c = convert_float2(at) + half_extent - 0.5f * grid;
     const float4 s = r->step, centre = fma(c.xyxy, s, p->centre_ray);
-    return (Bundle){centre.x, centre.y, centre.z, centre.w,
-                    s.x, s.y, s.z, s.w, r->outer.x, r->outer.y, half_extent};
+    return (Bundle){.ox = centre.x, .oy = centre.y, .dx = centre.z, .dy = centre.w,
+                    .sx = s.x, .sy = s.y, .tx = s.z, .ty = s.w,
+                    .a = r->outer.x, .b = r->outer.y, .half_extent = half_extent};
 }
 
 inline Bundle block_bundle(const Packet *p, int block)

@@ -25,8 +25,8 @@ typedef struct {
 // a 2^power, for powers from -252 to 254.
 inline float3 times_power(float3 a, int power)
 {
-    const int part = power / 2;
-    return a * as_float((127 + part) << 23) * as_float((127 + power - part) << 23);
+    const int part = FLOAT_BIAS + power / 2, rest = 2 * FLOAT_BIAS + power - part;
+    return a * as_float(part << FRACTION_BITS) * as_float(rest << FRACTION_BITS);
 }
 
 // A ray of any length; its parameter is 2^exponent times that of the given direction.

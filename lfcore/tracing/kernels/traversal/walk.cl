@@ -40,7 +40,8 @@ inline Interval make_interval(float o, float d, float h, float g, float hu, floa
 {
     const float near = FRUSTUM_SLACK * (fabs(o) + fabs(h) + fabs(hu));
     const float far = FRUSTUM_SLACK * (fabs(d) + fabs(g) + fabs(gu));
-    return (Interval){o - near, o + near, d - far, d + far, h, g};
+    return (Interval){.o_lo = o - near, .o_hi = o + near, .d_lo = d - far, .d_hi = d + far,
+                      .h = h, .g = g};
 }
 
 // The frustum of the rays of a bundle.
@@ -78,9 +79,9 @@ inline vi frustum_overlaps(const Frustum *f, global const Boxes *boxes, int lane
              LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
 }
 
-// The volume of a walk, a frustum or a sweep.  Only single rays need `sorted` leaves: 1, or 2 if
-// they are parallel to no side of a box.
-typedef struct { const Frustum *frustum; const Sweep *sweep; int sorted; } Volume;
+// The volume of a walk, a frustum or a sweep.  Only single rays need `sorted` leaves; they are
+// `oblique` if they are parallel to no side of a box.
+typedef struct { const Frustum *frustum; const Sweep *sweep; int sorted, oblique; } Volume;
 
 // The children to visit.  An entry has the depth at which a child begins in its upper half (the
 // bits of a float, which compare as floats unless both are negative) and the child's index in the
@@ -105,7 +106,7 @@ inline uint overlapping_children(const Tree *tree, const Volume *volume, int nod
         global const Boxes *boxes = tree->boxes + node;
         vf begin = VLOAD(boxes->low[2] + lane);
         const vi overlaps =
-            volume->sorted > 1 ? ray_overlaps(volume->sweep, boxes, lane, far, &begin)
+            volume->oblique ? ray_overlaps(volume->sweep, boxes, lane, far, &begin)
             : volume->sweep ? sweep_overlaps(volume->sweep, boxes, lane, far, &begin)
                             : frustum_overlaps(volume->frustum, boxes, lane, far);
         VSTORE(begin, near + lane);
