@@ -9,7 +9,7 @@ from lfcore.workflow.job import job
 
 with job(snakemake) as (_, params, output):
     # Blocks of one element: each ray has the same colour in every method.
-    tracer = open_tracer(snakemake, outer=1)
+    tracer = open_tracer(snakemake, spanning=False)
     scene = tracer.scene
     camera, focus = scene.camera, scene.focus_distances_m
     focus_m = sorted({min(focus), camera.focus_m, max(focus)})

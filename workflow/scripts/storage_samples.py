@@ -8,5 +8,5 @@ from lfcore.workflow.job import job
 ROWS = {"storage_layouts": layout_rows, "rate_distortion": rate_rows}
 
 with job(snakemake) as (_, params, output):
-    rows_of, tracer = ROWS[params.report], open_tracer(snakemake, outer=1)
+    rows_of, tracer = ROWS[params.report], open_tracer(snakemake, spanning=False)
     write_rows(output[0], rows_of(tracer, params.pixels, **params.study))

@@ -14,7 +14,7 @@ from lfcore.workflow.job import job
 LATTICE = Lattice(8, 2)
 
 with job(snakemake) as (_, params, output):
-    tracer = open_tracer(snakemake, outer=1)  # so few rays need no larger blocks
+    tracer = open_tracer(snakemake, spanning=False)  # so few rays need no larger blocks
     scene, camera = tracer.scene, tracer.scene.camera
     stacks = {
         "focal_stack": cases.sensor_planes(params.planes, camera, scene.focus_distances_m),

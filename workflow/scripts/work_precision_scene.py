@@ -9,7 +9,7 @@ from lfcore.workflow.job import job
 
 with job(snakemake) as (inputs, params, output):
     wide, stopped = load_reference(inputs.wide), load_reference(inputs.stopped)
-    tracer = open_tracer(snakemake, outer=1)  # the timed work uses these blocks, too
+    tracer = open_tracer(snakemake, spanning=False)  # the timed work uses these blocks, too
     grids = []
     for k, views in enumerate(params.views):
         traced = read_json(inputs.trace[k])
