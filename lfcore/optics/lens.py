@@ -72,7 +72,7 @@ class Lens:
     systems : sequence of LensSystem
         The surfaces for red, green and blue, or for all light alike.
     colour : int, optional
-        Trace only this one of them; all focus by the green one.
+        Trace only this one of them; all focus by the green one.  Default: all light.
 
     Examples
     --------
@@ -85,7 +85,7 @@ class Lens:
 
     path: str
     systems: Sequence[LensSystem]
-    colour: int = 0
+    colour: int | None = None
 
     @classmethod
     def read(cls, path: str | Path) -> Lens:
@@ -131,8 +131,9 @@ class Lens:
 
     @cached_property
     def colours(self) -> tuple[Lens, ...]:
-        """A lens for red, green and blue each; or this one, without colour error."""
-        if len(self.systems) == 1:
+        """A lens for red, green and blue each; or this one, of one colour or without colour
+        error."""
+        if len(self.systems) == 1 or self.colour is not None:
             return (self,)
         return tuple(replace(self, colour=number) for number in range(len(self.systems)))
 
@@ -291,7 +292,7 @@ class _Table:
 @functools.lru_cache(maxsize=32)
 def _table(lens: Lens, reach: float) -> _Table:
     """Trace real rays of fields up to the tangent ``reach``."""
-    green, system = lens._green, lens.systems[lens.colour].reversed(lens.pupil_m)
+    green, system = lens._green, lens.systems[lens.colour or 0].reversed(lens.pupil_m)
     radius = PUPIL_REACH * lens._apertures[lens.stop]
     nodes = [(0.0, reach, FIELD_NODES), (-radius, radius, PUPIL_NODES),
              (0.0, radius, PUPIL_NODES // 2 + 1)]  # fmt: skip

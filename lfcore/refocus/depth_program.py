@@ -34,6 +34,7 @@ NODE = {
     "share": slice(10, 11),  # of the rays inside the aperture that pass the lens
     "reach": slice(11, 12),  # how much farther light goes up or down about this row, pixels
     "reach_m": slice(12, 13),  # likewise, metres of the lens
+    "apart": slice(13, 14),  # the most that red or blue is displaced from green, pixels
 }
 """The parts of a node: how the rays of a view's cell land there.  The rest of 16 floats is 0."""
 
@@ -57,6 +58,11 @@ CONSTANTS = {
     # Powers of the inverse of the plastic number: M. Roberts' sequence R2 over a view's rays.
     "DITHER_X": 0.7548777,
     "DITHER_Y": 0.5698403,
+    # Pixels of the smallest box of a narrow layer that is added as differences, behind a lens.
+    "LARGE_BOX_PX": 12.0,
+    # The most that red and blue may be displaced from green's box and share it, in pixels or, if
+    # this is more, sides of the box.
+    "COLOURS_PX": 0.05,
     "LENS_NODES": LENS_NODES,
     "LENS_EXTENT": LENS_EXTENT,
 }
@@ -109,9 +115,9 @@ KERNELS = {
     # (views, rows, columns) in metres, 0 without a ray; or codes with their dioptres.
     "join_rays": _RAYS | given(numbers="SlicingArguments") | write(fours="Squares"),
     # fours of join_rays; ranges (views, rows): the least and the largest depth of a row; views
-    # (planes, views); used (planes, strips): a bit per layer with light; present (views, rows of
-    # patches, patches of a row): whether any ray of PATCH_ROWS x PATCH_COLUMNS is there; lens
-    # (planes, views, LENS_NODES, LENS_NODES): NODE by row and column, if LENS.
+    # (planes, views); used (planes, sheets, strips): a bit per layer with light; present (views,
+    # rows of patches, patches of a row): whether any ray of PATCH_ROWS x PATCH_COLUMNS is there;
+    # lens (planes, views, COLOURS, LENS_NODES, LENS_NODES): NODE by row and column, if LENS.
     "add_rays": _RAYS
     | given(numbers="SlicingArguments")
     | read(

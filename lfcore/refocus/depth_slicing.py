@@ -38,7 +38,7 @@ from lfcore.refocus.depth_program import (
     SLICING_ARGUMENTS,
     SQUARES,
 )
-from lfcore.refocus.lens_views import LensViews
+from lfcore.refocus.lens_views import LensViews, colours_of
 from lfcore.refocus.placed_views import PlacedViews
 from lfcore.storage.depth_stream import DepthCodes
 
@@ -104,10 +104,16 @@ def code_ranges(codes: np.ndarray, table: np.ndarray) -> np.ndarray:
     return np.stack([table[most], table[least]], -1)
 
 
-def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
-    """The number of pictures of this size that are formed at a time."""
+def planes_at_a_time(device: Device, planes: Sequence[SensorPlane], size: Size, stops: int) -> int:
+    """The number of these pictures that are formed at a time."""
     most = min(SUMS_BYTES, device.device.max_mem_alloc_size, device.device.global_mem_size // 2)
-    return max(1, most // DepthSlicer.sums_bytes(1, size, stops))
+    return max(1, most * len(planes) // DepthSlicer.sums_bytes(planes, size, stops))
+
+
+def sheets_of(planes: Sequence[SensorPlane]) -> int:
+    """The number of a picture's sums: one of all colours, and one each if a lens parts them."""
+    colours = colours_of(planes)
+    return colours + 1 if colours > 1 else 1
 
 
 class DepthSlicer:
@@ -162,6 +168,7 @@ class DepthSlicer:
         self.views, self.planes = views, list(planes)
         self.device = device or open_device()
         self._behind_lens = any(plane.lens for plane in planes)
+        self._colours, self._sheets = colours_of(planes), sheets_of(planes)
         placed = [self._place(plane, pixels, bounds_px, long_sums=stops > 0) for plane in planes]
         self._placed = placed
         bounds, large = len(placed[0].bounds_px), pixels >= LARGE_FROM
@@ -170,7 +177,7 @@ class DepthSlicer:
         defines: dict[str, Any] = {
             "N_BOUNDS": bounds, "LONG_SUMS": stops > 0, "COARSE": coarse,
             "FOURS": fours, "HALVED": large, "STORED": codes is not None,
-            "LENS": self._behind_lens,
+            "LENS": self._behind_lens, "COLOURS": self._colours,
         }  # fmt: skip
         self._table = np.ones(1, np.float32) if codes is None else codes.table
         self._codes = np.zeros((0, 0, 0), self._table.dtype)
@@ -196,16 +203,19 @@ class DepthSlicer:
         self._strips = -(-self.size.height // rows)
         self._view_records = np.stack([each.view_records for each in placed])
         self._planes = self.device.buffer(np.stack([each.plane_record for each in placed]))
-        size = self.sums_bytes(len(planes), self.size, stops, bounds, rows)
+        size = self.sums_bytes(planes, self.size, stops, bounds, rows)
         self._sums = self.device.zeros(size, sparse=True)
-        self._used = self.device.zeros(4 * len(planes) * self._strips)
+        self._used = self.device.zeros(4 * len(planes) * self._sheets * self._strips)
 
     def _place(
         self, plane: SensorPlane, pixels: int, bounds_px: Sequence[float] | None, *, long_sums: bool
     ) -> PlacedViews:
         """The views on a plane; parameters are as for :class:`PlacedViews`."""
-        kind = LensViews if self._behind_lens else PlacedViews
-        return kind(self.views, plane, pixels, bounds_px, long_sums=long_sums)
+        if not self._behind_lens:
+            return PlacedViews(self.views, plane, pixels, bounds_px, long_sums=long_sums)
+        return LensViews(
+            self.views, plane, pixels, bounds_px, long_sums=long_sums, colours=self._colours
+        )
 
     @property
     def bounds_px(self) -> list[tuple[float, ...]]:
@@ -214,14 +224,17 @@ class DepthSlicer:
 
     @staticmethod
     def sums_bytes(
-        planes: int, size: Size, stops: int, bounds: int = MOST_BOUNDS, rows: int | None = None
-    ) -> int:
+        planes: Sequence[SensorPlane], size: Size, stops: int, bounds: int = MOST_BOUNDS,
+        rows: int | None = None,
+    ) -> int:  # fmt: skip
         """The bytes of the sums, in strips of ``rows``; by default one strip."""
         rows = rows or size.height
         whole = min(bounds, FULL_LAYERS) if size.longer >= LARGE_FROM else bounds
-        pixels = (2 * whole + 1) * (rows + 1) * (size.width + 1)
+        large = 2 * min(bounds, 2) - 1 if bounds and any(plane.lens for plane in planes) else 0
+        pixels = (2 * whole + 1 + large) * (rows + 1) * (size.width + 1)
         pixels += 2 * (bounds - whole) * (-(-rows // 2) + 3) * (-(-size.width // 2) + 3)
-        return planes * -(-size.height // rows) * pixels * (32 if stops else 16)
+        sheets = len(planes) * sheets_of(planes)
+        return sheets * -(-size.height // rows) * pixels * (32 if stops else 16)
 
     def add(
         self, part: slice | np.ndarray, light: np.ndarray, depth: np.ndarray, first_row: int = 0
@@ -306,7 +319,8 @@ class DepthSlicer:
         device, numbers = self.device, self._numbers.copy()
         numbers["parts"] = 1 if shown is None else 2
         pictures = page_aligned((len(self.planes), *self.size[::-1], 3))
-        with device.mapped(self._used, (len(self.planes), self._strips), np.int32) as used:
+        shape = len(self.planes), self._sheets * self._strips
+        with device.mapped(self._used, shape, np.int32) as used:
             layers = np.bitwise_or.reduce(used, axis=1).tolist()
         for number, (picture, placed) in enumerate(zip(pictures, self._placed, strict=True)):
             rooms, room_rows = placed.rooms(layers[number])

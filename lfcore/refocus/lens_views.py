@@ -13,15 +13,15 @@ Light is normalised as through a perfect lens, so that vignetting darkens the pi
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import map_coordinates, maximum_filter
 
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
-from lfcore.optics.lens import PUPIL_REACH
+from lfcore.optics.lens import PUPIL_REACH, Lens
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Size
 from lfcore.refocus.depth_program import LENS_EXTENT, LENS_NODES, NODE
@@ -43,25 +43,9 @@ LEAST_DENSITY = 0.1
 """The least area, over a perfect lens's, on which a lens puts a part of the picture."""
 
 
-def colour_planes(planes: Sequence[SensorPlane]) -> list[SensorPlane]:
-    """The planes that are formed: of a lens with colour errors one each for red, green and blue."""
-    return [
-        replace(plane, lens=lens)
-        for plane in planes for lens in (plane.lens.colours if plane.lens else [None])
-    ]  # fmt: skip
-
-
-def merged_colours(planes: Sequence[SensorPlane], pictures: np.ndarray) -> np.ndarray:
-    """Make the pictures (P, height, width, 3) of ``planes`` from those of :func:`colour_planes`."""
-    counts = [len(plane.lens.colours) if plane.lens else 1 for plane in planes]
-    if len(pictures) == len(planes):
-        return pictures
-    merged, first = np.empty((len(planes), *pictures.shape[1:]), np.float32), 0
-    for picture, count in zip(merged, counts, strict=True):
-        for colour in range(3):
-            picture[..., colour] = pictures[first + min(colour, count - 1), ..., colour]
-        first += count
-    return merged
+def colours_of(planes: Sequence[SensorPlane]) -> int:
+    """3 if a lens takes red, green and blue to different places, else 1."""
+    return max((len(plane.lens.colours) for plane in planes if plane.lens), default=1)
 
 
 def lens_margin(planes: Sequence[SensorPlane], camera: Camera, size: Size) -> int:
@@ -84,7 +68,11 @@ def lens_margin(planes: Sequence[SensorPlane], camera: Camera, size: Size) -> in
 
 class LensViews(PlacedViews):
     """Views on a plane whose lens may be one of a file; parameters are as for
-    :class:`PlacedViews`."""
+    :class:`PlacedViews`, and the number of ``colours`` that have nodes."""
+
+    def __init__(self, *views: Any, colours: int = 1, **more: Any):
+        super().__init__(*views, **more)
+        self.colours = colours
 
     def places_px(self, count: int) -> np.ndarray:
         """The columns and rows of ``count`` nodes per axis about the optical axis, (count, 2)."""
@@ -96,26 +84,52 @@ class LensViews(PlacedViews):
 
     @cached_property
     def nodes(self) -> np.ndarray:
-        """(K, LENS_NODES, LENS_NODES, 16) float32, by view, row and column: parts of NODE."""
+        """(K, C, LENS_NODES, LENS_NODES, 16) float32, by view, colour, row and column: parts of
+        NODE."""
         slab, shape = self.views.slab, (LENS_NODES, LENS_NODES, 16)
         if self.plane.lens is None:
-            nodes = np.zeros((slab.views**2, *shape), np.float32)
+            nodes = np.zeros((slab.views**2, self.colours, *shape), np.float32)
             nodes[..., NODE["side"]] = nodes[..., NODE["share"]] = 1
             return nodes
         if slab.views > MOST_VIEWS:
             problem = f"a lens from a file takes at most {MOST_VIEWS} views per side"
             raise OpticsError(problem, file=self.plane.lens.path, key="views")
+        measured = self._measured_nodes(self.plane.lens.colours)
+        nodes, more = measured[..., :16], measured[..., 16:]
+        nodes[..., NODE["reach"].start : NODE["reach_m"].stop] = self._reach(nodes)
+        made = np.repeat(nodes[:, None], self.colours, 1)
+        if more.size:
+            moved, swept = more[..., :4], more[..., 4:]
+            apart = np.abs(moved).max(-1, keepdims=True)[:, None]
+            for colour, part in ((0, slice(0, 2)), (2, slice(2, 4))):
+                made[:, colour, ..., NODE["displacement"]] += moved[..., part]
+                made[:, colour, ..., NODE["sweep"]] += swept[..., part]
+            made[..., NODE["apart"]] = apart
+            made[..., NODE["reach"]] += 2 * apart.max()  # of places, and of sweeps
+        return made
+
+    def _measured_nodes(self, lenses: Sequence[Lens]) -> np.ndarray:
+        """The nodes of green without ``reach``, (K, LENS_NODES, LENS_NODES, 16 or 24) float32.
+
+        Of three lenses, behind these are the displacements of red and of blue less green's, (4);
+        and their sweeps likewise, (4).
+        """
         points, sides, inside = self._cell_points()
-        landing, rows = self._landing(points), []
-        for row in range(slab.views):
-            of_row = [each[row] for each in (points, sides, inside, *landing)]
-            rows.append(self._measured(*of_row))
-        coarse = np.concatenate(rows).reshape(-1, COARSE_NODES, COARSE_NODES, 16)
+        green = len(lenses) // 2
+        landing = self._landing(lenses[green], points)
+        away = [
+            self._landing(lens, points)[0] - landing[0]
+            for colour, lens in enumerate(lenses) if colour != green
+        ]  # fmt: skip
+        rows = [
+            self._measured(*(each[row] for each in (points, sides, inside, *landing, *away)))
+            for row in range(self.views.slab.views)
+        ]
+        coarse = np.concatenate(rows)
+        coarse = coarse.reshape(-1, COARSE_NODES, COARSE_NODES, coarse.shape[-1])
         nodes = _refined(_refined(coarse, 1), 2)
         lit = maximum_filter(nodes[..., NODE["share"]], (1, 3, 3, 1)) > 0
-        nodes = np.where(lit, nodes, 0)
-        nodes[..., NODE["reach"].start : NODE["reach_m"].stop] = self._reach(nodes)
-        return nodes.astype(np.float32, order="C")
+        return np.where(lit, nodes, 0).astype(np.float32, order="C")
 
     def _cell_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Pupil points of cells near the aperture, (N, N, P, P, 2) by the view's row and column and
@@ -133,13 +147,12 @@ class LensViews(PlacedViews):
         sides = np.stack(np.meshgrid(side, side), -1)
         return points, sides, aperture.contains(points[..., 0], points[..., 1])
 
-    def _landing(self, points: np.ndarray) -> list[np.ndarray]:
+    def _landing(self, lens: Lens, points: np.ndarray) -> list[np.ndarray]:
         """Displacement, place on the stop, and clearance at all nodes, (N, N, y, x, P, P, ...).
 
         A quarter of the nodes is measured, since lens, nodes and points are symmetric.
         """
-        lens, camera = self.plane.lens, self.views.slab.camera
-        assert lens is not None
+        camera = self.views.slab.camera
         quarter = np.linspace(0, 0.5 * self._extent_px / self.scale, COARSE_NODES // 2 + 1)
         tangents = np.stack(np.meshgrid(quarter, quarter), -1)[:, :, None, None]
         at, to = np.broadcast_arrays(points[:, :, None, None], tangents)
@@ -148,9 +161,9 @@ class LensViews(PlacedViews):
 
     def _measured(
         self, points: np.ndarray, sides: np.ndarray, inside: np.ndarray, moved: np.ndarray,
-        iris: np.ndarray, clearance: np.ndarray,
+        iris: np.ndarray, clearance: np.ndarray, *away: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        """The nodes of a row of views, (N, y, x, 16) float64."""
+        """A row of views of :meth:`_measured_nodes`, (N, y, x, 16 or 24) float64."""
         points, inside = (each[:, None, None] for each in (points, inside))
         empty = ~inside.any((-1, -2), keepdims=True)  # a sliver of a cell, between its points
         opened = self.plane.lens_aperture(self.views.slab).contains(iris[..., 0], iris[..., 1])
@@ -172,7 +185,13 @@ class LensViews(PlacedViews):
         nodes[..., NODE["sweep"]] = slope * self.scale
         rest = np.maximum(_mean(beside**2, passed) - slope * together, 0)
         nodes[..., NODE["blur"]] = 12 * rest * self.scale**2
-        return np.round(nodes, 9)
+        moved_away = [_mean(each, passed) for each in away]
+        swept_away = [
+            _mean(off * (each - mean[..., None, None, :]), passed) / np.maximum(spread, 1e-300)
+            for each, mean in zip(away, moved_away, strict=True)
+        ]
+        more = [each * self.scale for each in (*moved_away, *swept_away)]
+        return np.round(np.concatenate([nodes, *more], -1), 9)
 
     def _reach(self, nodes: np.ndarray) -> np.ndarray:
         """The parts of NODE that bound how far up or down light goes, (K, rows, 1, 2)."""
@@ -189,7 +208,7 @@ class LensViews(PlacedViews):
     def _light(self) -> tuple[np.ndarray, np.ndarray]:
         """The light of each pixel over that on the axis, and its rays over those of a perfect lens,
         (height, width)."""
-        nodes, share = self.nodes.astype(float), self.cells.share
+        nodes, share = self.nodes[:, self.colours // 2].astype(float), self.cells.share
         light = np.einsum("k,kyx->yx", share, nodes[..., NODE["share"]][..., 0])
         moved = np.einsum(
             "k,kyxi->iyx", share, nodes[..., NODE["displacement"]] * nodes[..., NODE["share"]]

@@ -11,7 +11,6 @@ from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import all_samples
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
-from lfcore.refocus.lens_views import colour_planes, merged_colours
 from lfcore.refocus.stored_views import add_frames, frame_planes, read_own_views
 from lfcore.refocus.two_parts import Part, TwoPartSlicer
 from lfcore.storage.lightfield import LightFieldFile
@@ -40,22 +39,20 @@ def slice_stored(
     size = Size(*field.require_slab().picture(side)[2:])
     layout = field.layout
     kinds = 1 if field.metadata.specular is None else 2
-    each = kinds * DepthSlicer.sums_bytes(1, size, layout.stops)
+    each = kinds * DepthSlicer.sums_bytes(planes, size, layout.stops) // len(planes)
     if each > device.device.global_mem_size // 2:
         raise OpticsError(
             f"sums of a picture of {size} pixels take {each / 2**30:.1f} GiB",
             file=field.path, key="pixels", remedy="Give fewer pixels",
         )  # fmt: skip
-    room = max(1, planes_at_a_time(device, size, layout.stops) // kinds)
-    formed = colour_planes(planes)
-    groups = [formed[first : first + room] for first in range(0, len(formed), room)]
+    room = max(1, planes_at_a_time(device, planes, size, layout.stops) // kinds)
+    groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     pictures = []
     for number, group in enumerate(groups):
         report = part_of(progress, number, len(groups))
         pictures.append(_slice(field, group, side, device, report))
         field.close()  # decoders hold more memory than pictures
-    made = pictures[0] if len(pictures) == 1 else np.concatenate(pictures)  # concatenation copies
-    return merged_colours(planes, made)
+    return pictures[0] if len(pictures) == 1 else np.concatenate(pictures)  # which copies
 
 
 def _slice(

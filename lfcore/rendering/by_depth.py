@@ -15,7 +15,7 @@ from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
-from lfcore.refocus.lens_views import colour_planes, lens_margin, merged_colours
+from lfcore.refocus.lens_views import lens_margin
 from lfcore.refocus.two_parts import Part, TwoPartSlicer
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.exposure import ExposedTracer, ray_times, view_times
@@ -64,15 +64,14 @@ def _pictures(
     lens = traced_camera(camera, planes)
     views = views_of(Slab.of(lens, lattice, size), displaced=lattice.displaced)
     # Each group of planes traces the rays again.
-    room = planes_at_a_time(tracer.device, size, tracer.needs.stops)
+    room = planes_at_a_time(tracer.device, planes, size, tracer.needs.stops)
     room = max(1, room // 2) if tracer.needs.specular else room
-    formed = colour_planes(planes)
-    groups = [formed[first : first + room] for first in range(0, len(formed), room)]
+    groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     parts = []
     for number, group in enumerate(groups):
         tell = part_of(progress, number, len(groups))
         parts.append(trace_by_depth(tracer, views, group, size.longer, progress=tell))
-    pictures = merged_colours(planes, np.concatenate(parts))
+    pictures = np.concatenate(parts)
     for picture, plane in zip(pictures, planes, strict=True):
         if plane.normalise == "lens":  # of the whole lens, not of the traced part
             picture *= (camera.f_number / lens.f_number) ** 2
@@ -97,9 +96,7 @@ def _focused(
     slab = Slab.of(traced_camera(camera, [plane]), lattice, size)
     views = views_of(slab, displaced=lattice.displaced)
     stopped = replace(plane, normalise="aperture", keep_magnification=False)
-    formed = colour_planes([stopped])
-    traced = trace_by_depth(tracer, views, formed, size.longer, progress=progress)
-    picture = merged_colours([stopped], traced)[0]
+    picture = trace_by_depth(tracer, views, [stopped], size.longer, progress=progress)[0]
     if plane.normalise == "lens":
         # The part of the scene's lens that is open: the aperture's of the square that was traced,
         # times that square's of the lens, whose diameters are as 1 / f-number.
@@ -127,7 +124,7 @@ def trace_by_depth(
     device = tracer.device
     size = Size(*views.slab.picture(pixels)[2:])
     stops = tracer.needs.stops
-    needed = DepthSlicer.sums_bytes(len(planes), size, stops) * (2 if tracer.needs.specular else 1)
+    needed = DepthSlicer.sums_bytes(planes, size, stops) * (2 if tracer.needs.specular else 1)
     if needed > device.device.global_mem_size // 2:
         problem = f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB"
         remedy = "Ask for fewer pixels or pictures, or use the filter 'nearest'"

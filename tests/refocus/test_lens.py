@@ -18,18 +18,18 @@ from lfcore.optics.camera import image_distance
 from lfcore.optics.lens import Landing
 from lfcore.optics.ray_cells import displaced_views
 from lfcore.refocus.depth_slicing import DepthSlicer
-from lfcore.refocus.lens_views import colour_planes, lens_margin, merged_colours
+from lfcore.refocus.lens_views import lens_margin
 
 LENSES = Path(__file__).parents[2] / "scenes" / "lenses"
 DGAUSS, WIDE = LENSES / "dgauss.dat", LENSES / "wide.dat"
-SINGLET = "50 6 1.5 30\n-50 3 1 30\n0 45 0 20\n"
-"""Biconvex, with a stop behind it: all errors are large."""
+SINGLET = LENSES / "singlet.dat"
 
 
 @pytest.fixture
 def singlet(tmp_path):
+    """Biconvex, with a stop behind it: all errors but those of colour are large."""
     path = tmp_path / "singlet.dat"
-    path.write_text(SINGLET)
+    path.write_text("50 6 1.5 30\n-50 3 1 30\n0 45 0 20\n")
     return path
 
 
@@ -58,7 +58,7 @@ def test_a_perfect_lens_gives_the_bits_of_none():
     same = sliced(views, [replace(plane, lens=lens) for plane in planes], 24, *rays)
     assert (same == expected).all()
     mixed = sliced(
-        views, [replace(planes[0], lens=alone(WIDE), f_number=4.0), planes[1]], 24, *rays
+        views, [replace(planes[0], lens=Lens.read(DGAUSS), f_number=4.0), planes[1]], 24, *rays
     )
     assert (mixed[1] == expected[1]).all()
 
@@ -72,7 +72,7 @@ def test_spots_are_those_of_optiland(path, focus):
     from optiland.materials import IdealMaterial
 
     lens = alone(path)
-    system, focal = lens.systems[lens.colour], lens.focal_length_m
+    system, focal = lens.systems[lens.colour or 0], lens.focal_length_m
     film, scale = lens.film(focus, focal)
     disk = create_distribution("hexapolar")
     disk.generate_points(12)
@@ -109,7 +109,7 @@ def brute_force(lens, plane, pixels, field, surfaces, chosen, count=4096):
     surfaces, and their étendue; the lens has its own focal length."""
     focal, rng = lens.focal_length_m, np.random.default_rng(1)
     film, scale = lens.film(plane.focus_m, focal)
-    system = lens.systems[lens.colour]
+    system = lens.systems[lens.colour or 0]
     aperture = system.aperture_m.copy()
     aperture[lens.stop] = focal / (2 * plane.f_number) * system.paraxial(1.0, 0.0, lens.stop)[0]
     gaps = np.append(system.thickness_m[:-1], film)
@@ -136,11 +136,11 @@ def brute_force(lens, plane, pixels, field, surfaces, chosen, count=4096):
 @pytest.mark.kernels
 @pytest.mark.parametrize(
     ("path", "f_number", "field", "pixels"),
-    [(None, 3.0, 0.5, 64), (DGAUSS, 2.1, 0.6, 96), (WIDE, 2.8, 1.2, 96)],
+    [(None, 3.0, 0.5, 64), (SINGLET, 2.6, 0.4, 96), (DGAUSS, 2.1, 0.6, 96), (WIDE, 2.8, 1.2, 96)],
 )
 def test_pictures_are_those_of_rays_through_the_surfaces(singlet, path, f_number, field, pixels):
-    """A card before the plane in focus, half a wall in it, a wall behind: 45 dB."""
-    lens, focus = alone(path or singlet), 2.0
+    """A card before the plane in focus, half a wall in it, a wall behind: 45 dB, each colour."""
+    lens, focus = Lens.read(path or singlet), 2.0
     focal = lens.focal_length_m
     camera = Camera(focal, field * image_distance(focal, focus), f_number, focus)
     near, far = 0.6 * focus, 3 * focus
@@ -155,15 +155,18 @@ def test_pictures_are_those_of_rays_through_the_surfaces(singlet, path, f_number
     ]  # fmt: skip
     chosen = np.random.default_rng(0).integers(6, pixels - 6, (150, 2))
     plane = SensorPlane(focus, f_number, lens=lens)
-    expected, etendue = brute_force(lens, plane, pixels, field, surfaces, chosen)
+    seen_by = [brute_force(each, plane, pixels, field, surfaces, chosen) for each in lens.colours]
+    expected, etendue = seen_by[len(seen_by) // 2]
+    expected = np.stack([light for light, _ in seen_by], 1)
     views = displaced_views(Slab(camera, 8, 2 * pixels))
     rays, (row, column) = seen(views, surfaces), chosen.T
     slicer = DepthSlicer(views, [plane, replace(plane, lens=None)], pixels)
     slicer.add(slice(0, 64), *rays)
-    made, thin = slicer.pictures()[:, row, column, 0]
-    darkened = slicer._placed[0].illumination[row, column, 0]
-    ours, perfect = (psnr(each, expected, peak=1.0) for each in (made / darkened, thin))
-    assert ours > 45 and perfect < 35
+    made, thin = slicer.pictures()[:, row, column]
+    darkened = slicer._placed[0].illumination[row, column]
+    colours, perfect = (made / darkened)[:, : len(seen_by)], thin[:, : len(seen_by)]
+    assert all(psnr(*each, peak=1.0) > 45 for each in zip(colours.T, expected.T, strict=True))
+    assert psnr(perfect, expected, peak=1.0) < 35
     shares = slicer._placed[0]._light[1][row, column] / etendue
     np.testing.assert_allclose(shares / np.median(shares), 1, atol=0.05)
 
@@ -187,13 +190,27 @@ def test_each_colour_has_its_own_focus_and_place():
         for each in lens.colours
     ]
     assert len(places) == 3 and abs(places[0] - places[2]) > 1e-5
-    plane = SensorPlane(4.0, 2.1, lens=lens)
-    planes = colour_planes([plane, replace(plane, lens=None)])
-    assert [each.lens and each.lens.colour for each in planes] == [0, 1, 2, None]
-    pictures = np.arange(4 * 3.0).reshape(4, 1, 1, 3)
-    merged = merged_colours([plane, replace(plane, lens=None)], pictures)
-    assert merged[:, 0, 0].tolist() == [[0, 4, 8], [9, 10, 11]]
-    assert Lens.read(WIDE).colours == (Lens.of(WIDE),) or len(Lens.read(WIDE).colours) == 1
+    assert [each.colours for each in lens.colours] == [(each,) for each in lens.colours]
+    assert len(Lens.read(WIDE).colours) == 1
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    ("path", "field", "least_db", "effect_db"), [(SINGLET, 0.02, 60, 45), (DGAUSS, 0.036, 50, 60)]
+)
+def test_colours_share_boxes_where_they_are_together(path, field, least_db, effect_db):
+    """As if each were sliced alone; a singlet's colours are apart, most of a double Gauss's not."""
+    lens, camera = Lens.read(path), Camera(0.05, field, 2.8, 4.0)
+    views, plane = displaced_views(Slab(camera, 8, 128)), SensorPlane(4.0, 2.8, lens=lens)
+    waves = grey(lambda x, y: 0.5 + 0.4 * np.sin(x / field) * np.sin(y / field))
+    rays = seen(views, [(3.0, waves, lambda x, y: x < 0), (9.0, waves, everywhere)])
+    inner = np.s_[..., 6:-6, 6:-6, :]
+    (made,) = sliced(views, [plane], 128, *rays)[inner]
+    pictures = sliced(views, [replace(plane, lens=each) for each in lens.colours], 128, *rays)
+    apart = np.stack([picture[..., c] for c, picture in enumerate(pictures[inner])])
+    for colour in range(3):
+        assert psnr(made[..., colour], apart[colour], peak=1.0) > least_db
+    assert psnr(apart[1], apart[2], peak=1.0) < effect_db
 
 
 @pytest.mark.kernels

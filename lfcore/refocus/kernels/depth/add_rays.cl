@@ -30,17 +30,20 @@ inline void store_colours(const float16 c[4], float to[ABREAST][4])
 
 // A view's rays on the way to a strip of a plane.
 typedef struct {
-    const Strip *strip;
+    const Strip *strips;  // of each sheet
     const View *rays;
     FocusPlane plane;
     PlacedView view;
-    int *used;  // bits of the layers with light
+    int *used;  // bits of the layers with light, of each sheet
     global const uchar *present;  // of the view, if its rays are sparse
-    global const float16 *nodes;  // of the view behind a lens from a file
+    global const float16 *nodes;  // of the view's colours behind a lens from a file
 } Adding;
 
+// The nodes of a colour.
+#define NODES_OF(a, colour) ((a)->nodes + (colour) * LENS_NODES * LENS_NODES)
+
 // Add the boxes that are wanted about column x and row y of the view, of side x side rays each
-// whose light has the sum `light`.
+// whose light has the sum `light`.  Colours share a box that is green's, if it is about theirs.
 inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, const float16 light[3],
                         float side, int16 wanted)
 {
@@ -49,28 +52,42 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
 #if LENS
     const float16 across = fma(x, a->plane.step, v->x);
     const float down = fma(y, a->plane.step, v->y);
-    const Spread rays = land(a->rays->numbers, a->nodes, v, across, down, moves, least);
+    float16 apart;
+    Spread rays = land(a->rays->numbers, NODES_OF(a, COLOURS / 2), v, across, down, moves, least,
+                       &apart);
+    const float16 nearby = COLOURS_PX * max(2.0f * min(rays.half_x, rays.half_y), 1.0f);
+    const int16 shared = wanted & (COLOURS == 1 | apart <= nearby);
 #else
     const Spread rays = {.x = fma(x, a->plane.step, v->x) + v->offset_x * moves,
                          .y = fma(y, a->plane.step, v->y) + v->offset_y * moves,
                          .half_x = 0.5f * max(fabs(moves) * v->side_x, least),
                          .half_y = 0.5f * max(fabs(moves) * v->side_y, least),
                          .weight = (float16)(v->weight)};
+    const int16 shared = wanted;
 #endif
     const int16 layer = layer_of(moves * a->plane.pitch, a->plane.bounds);
     Boxes b;
     const float16 dither = (x * DITHER_X + y * DITHER_Y) * (1.0f / side) + v->dither;
     vstore16(dither - floor(dither), 0, b.dither);
-    for (int part = 0; part <= COARSE; ++part) {
+    for (int part = 0; part < (COARSE + 1) * SHEETS; ++part) {
+        const int sheet = part % SHEETS;
+        const int16 here = sheet ? wanted & ~shared : shared;
+        if (!any(here)) continue;
+#if SHEETS > 1
+        if (sheet)
+            rays = land(a->rays->numbers, NODES_OF(a, sheet - 1), v, across, down, moves, least,
+                        &apart);
+#endif
         Spread spread = rays;
-        if (COARSE) make_even(a->plane.step, part, &spread);
-        const float16 weight = find_boxes(a->strip, &spread, layer, wanted, &b);
-        const float16 colour[4] = {light[0] * weight, light[1] * weight, light[2] * weight,
-                                   weight * (side * side)};
+        if (COARSE) make_even(a->plane.step, part / SHEETS, &spread);
+        const float16 weight = find_boxes(a->strips + sheet, &spread, layer, here, &b);
+        float16 colour[4] = {0.0f, 0.0f, 0.0f, weight * (side * side)};
+        for (int c = 0; c < 3; ++c)
+            if (!sheet || sheet == c + 1) colour[c] = light[c] * weight;
         store_colours(colour, b.colour);
         const int16 kind = vload16(0, b.kind);
         for (int k = FOUR; k <= EDGES; ++k)
-            if (any(kind == k)) *a->used |= add_kind(a->strip, &b, k);
+            if (any(kind == k)) a->used[sheet] |= add_kind(a->strips + sheet, &b, k);
     }
 }
 
@@ -138,11 +155,11 @@ inline int reaches(const Adding *a, float v, int rows, global const float2 *rang
     const float box = max(most * a->view.side_y, a->rays->numbers->least_box);
     float reach = 0.5f * (box + rows * a->plane.step) + fabs(a->view.offset_y) * most;
 #if LENS
-    const float16 node = row_at(a->rays->numbers, a->nodes, y)[0];
+    const float16 node = row_at(a->rays->numbers, NODES_OF(a, COLOURS / 2), y)[0];
     reach += node.sb + node.sc * most;
 #endif
-    return y + reach + more >= a->strip->top &&
-           y - reach - more <= a->strip->top + a->strip->rows;
+    return y + reach + more >= a->strips->top &&
+           y - reach - more <= a->strips->top + a->strips->rows;
 }
 
 // Whether the patch from column `start` of row `v` on has any ray.
@@ -192,8 +209,12 @@ inline void add_groups(const Adding *a, int v, int reached)
 KERNEL void add_rays(add_rays_PARAMETERS)
 {
     const int plane = get_global_id(1), rows = numbers.rows;
-    const Strip strip = make_strip(sums, plane, get_global_id(0), &numbers);
-    int layers = 0;
+    Strip strips[SHEETS];
+    int layers[SHEETS];
+    for (int k = 0; k < SHEETS; ++k) {
+        strips[k] = make_strip(sums, plane * SHEETS + k, get_global_id(0), &numbers);
+        layers[k] = 0;
+    }
     for (int view = 0; view < numbers.views; ++view) {
         const PlacedView placed = views[plane * numbers.views + view];
         if (!(placed.weight > 0.0f)) continue;
@@ -201,9 +222,9 @@ KERNEL void add_rays(add_rays_PARAMETERS)
         const int down = (rows + PATCH_ROWS - 1) / PATCH_ROWS;
         const int across = (numbers.columns + PATCH_COLUMNS - 1) / PATCH_COLUMNS;
         const ulong first = numbers.sparse ? (ulong)view * down * across : 0;
-        const ulong grid = (ulong)(plane * numbers.views + view) * LENS_NODES * LENS_NODES;
-        const Adding a = {&strip, &of, planes[plane], placed, &layers, present + first,
-                          lens + grid};
+        const ulong grid = (ulong)(plane * numbers.views + view) * COLOURS;
+        const Adding a = {strips, &of, planes[plane], placed, layers, present + first,
+                          lens + grid * LENS_NODES * LENS_NODES};
         for (int v = 0; v < rows; v += GROUP_ROWS) {
             global const float2 *range = ranges + (ulong)view * rows + v;
             const int count = min(GROUP_ROWS, rows - v);
@@ -219,5 +240,8 @@ KERNEL void add_rays(add_rays_PARAMETERS)
 #endif
         }
     }
-    used[plane * get_global_size(0) + get_global_id(0)] |= layers;
+    for (int k = 0; k < SHEETS; ++k) {
+        if (LARGE_LAYERS) layers[k] |= layers[k] >> LAYERS << FIRST_NARROW;
+        used[(plane * SHEETS + k) * get_global_size(0) + get_global_id(0)] |= layers[k];
+    }
 }

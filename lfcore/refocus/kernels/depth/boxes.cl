@@ -136,12 +136,18 @@ inline void store_parts(const Edges *e, const Area *a, int16 differences, Boxes 
 // 0 where no box meets the strip.
 inline float16 find_boxes(const Strip *s, const Spread *rays, int16 layer, int16 wanted, Boxes *b)
 {
-    const int16 differences = ARE_BEYOND(layer, NARROW_LAYERS);
+    int16 differences = ARE_BEYOND(layer, NARROW_LAYERS);
     const int16 halved = -HALVED & ARE_BEYOND(layer, FULL_LAYERS);
     const float16 pixel = select((float16)(1.0f), (float16)(0.5f), halved);
     const Area area = area_of(s, halved);
     const Edges e = edges_of_boxes(s, rays, pixel);
     const int16 wide = e.right - e.left, tall = e.bottom - e.top;
+#if LARGE_LAYERS
+    const float16 pixels = convert_float16(wide + STEPS) * convert_float16(tall + STEPS);
+    const int16 large = ~differences & pixels > LARGE_BOX_PX * STEPS * STEPS;
+    layer = select(layer, LARGE_OF(layer), large);
+    differences |= large;
+#endif
     const int16 falls = wanted & overlap_area(&e, &area) & wide > 0 & tall > 0 & rays->weight > 0.0f;
     const int16 pixel_by_pixel = exceed_two(&e) | begin_outside(&e, &area);
     const int16 narrow = select((int16)(FOUR), (int16)(FEW), pixel_by_pixel);

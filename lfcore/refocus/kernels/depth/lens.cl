@@ -28,14 +28,16 @@ inline float16 node_at(const SlicingArguments *s, global const float16 *nodes, f
 
 // The boxes of sixteen rays of a row that a perfect lens takes to columns `x` and row `y`.  Places
 // are linear between the first of these rays and the last; sides of boxes are the middle's.
-inline Spread land(const SlicingArguments *s, global const float16 *nodes, const PlacedView *v, float16 x,
-                   float y, float16 moves, float least)
+// `apart`: the pixels between their colours.
+inline Spread land(const SlicingArguments *s, global const float16 *nodes, const PlacedView *v,
+                   float16 x, float y, float16 moves, float least, float16 *apart)
 {
     const float16 first = node_at(s, nodes, x.s0, y);
     const float16 change = (node_at(s, nodes, x.sf, y) - first) * (1.0f / (ABREAST - 1));
     const float16 along = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     const float16 middle = first + change * (0.5f * (ABREAST - 1));
 #define PART(k) fma(along, change.s##k, first.s##k)
+    *apart = PART(d);
     const float16 wide = v->side_x * middle.s4 * (moves + middle.s6);
     const float16 tall = v->side_y * middle.s5 * (moves + middle.s7);
     return (Spread){.x = x + PART(0) + (v->offset_x + PART(2)) * moves,
