@@ -236,7 +236,7 @@ def test_a_flat_cube_keeps_its_bits():
 BEYOND = [[[-1, -1, -6], [1, -1, -6], [0, 1, -6]]]
 WHITE = (0.9, 0.9, 0.9)
 # By blocks of one element, one by one, and as the scene asks for.
-WAYS = [{"outer": 1, "single_rays": False}, {"outer": 1, "single_rays": True}, {}]
+WAYS = [{"spanning": False, "single_rays": False}, {"spanning": False, "single_rays": True}, {}]
 # A sharp one and one that fades from its axis on: the wall has both rims in it.
 AXIS = (0.1, 0.2, np.sqrt(0.95))
 SPOTS = [

@@ -26,14 +26,20 @@ typedef struct {
 #define STRIPES (BLOCK_RAYS / STRIPE)
 typedef struct { float bound[2][3][STRIPES]; } StripeBoxes;
 
-// A set of shadow rays in light space.  Neighbours in the light's picture follow each other, so
-// that the boxes of stripes are small.
+// The most triangles that are tested for all rays: measured.  Before more are, the rays that are still
+// lit are sorted, so that neighbours in the light's picture follow each other and the boxes of
+// stripes are small.
+#define UNSORTED_OCCLUDERS 16
+
+// A set of shadow rays in light space.
 typedef struct {
     ShadowRays rays;
     LightSpace space;
-    StripeBoxes stripes;
+    Box box;                         // around u, v and d of the hit points
+    StripeBoxes stripes;             // once rays are sorted
     uint lit;                        // a bit per stripe with active rays
-    int count;                       // of rays
+    int occluders;                   // tested so far
+    int count;                       // of sorted rays; 0: not sorted
     int ray[BLOCK_RAYS];             // their numbers in the block
     int triangle[BLOCK_RAYS];        // on which they start
     int active[BLOCK_RAYS];          // masks
@@ -110,26 +116,26 @@ inline vi bin_bits(vf x, float lo, float hi)
     return (bin | bin << 1) & 0x55;
 }
 
-// Sort the rays in s->active along a Z-curve through these bins.
-inline void sort_hits(const Shadows *s, global const float *projected, const Box *hits,
-                      LightSpaceRays *l)
+// Sort the active rays along a Z-curve through these bins.
+inline void sort_hits(const Shadows *s, LightSpaceRays *l)
 {
+    global const float *projected = s->projected;
     private int bin[BLOCK_RAYS], end[SORT_BINS * SORT_BINS] = {0};
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi u = bin_bits(VLOAD(projected + at), hits->lo[0], hits->hi[0]);
-        const vi v = bin_bits(VLOAD(projected + BLOCK_RAYS + at), hits->lo[1], hits->hi[1]);
+        const vi u = bin_bits(VLOAD(projected + at), l->box.lo[0], l->box.hi[0]);
+        const vi v = bin_bits(VLOAD(projected + BLOCK_RAYS + at), l->box.lo[1], l->box.hi[1]);
         VSTORE(u | v << 1, bin + at);
     }
     for (int ray = 0; ray < BLOCK_RAYS; ++ray)
-        if (s->active[ray]) ++end[bin[ray]];
-    l->count = 0;
+        if (l->active[ray]) ++end[bin[ray]];
+    l->projected = s->projected + 3 * BLOCK_RAYS;
     for (int k = 0; k < SORT_BINS * SORT_BINS; ++k) {
         const int count = end[k];
         end[k] = l->count;
         l->count += count;
     }
     for (int ray = 0; ray < BLOCK_RAYS; ++ray) {
-        if (!s->active[ray]) continue;
+        if (!l->active[ray]) continue;
         const int at = end[bin[ray]]++;
         l->ray[at] = ray;
         l->triangle[at] = l->hits->triangle[ray];
@@ -168,15 +174,15 @@ inline int project_hits(const Shadows *s, LightSpaceRays *l)
         const Vec row = project_row(&l->rays, &l->space, s->origins, at);
         store3(row, s->projected, at);
         add_to_ranges(&ranges, row, VLOAD(s->active + at));
+        VSTORE(VLOAD(s->active + at), l->active + at);
+        VSTORE(VLOAD(l->hits->triangle + at), l->triangle + at);
+        VSTORE(TO_VI(IOTA) + at, l->ray + at);
     }
-    const Box hits = box_of(&ranges);
-    set_range(&hits, &l->space);
+    l->box = box_of(&ranges);
+    set_range(&l->box, &l->space);
     const float nearest = NEAREST_SHARE * largest_component(l->rays.half_extent);
-    if (l->rays.is_point && !(hits.lo[2] > 0.0f && hits.hi[2] * nearest < 1.0f)) return 0;
-    l->projected = s->projected + 3 * BLOCK_RAYS;
-    sort_hits(s, s->projected, &hits, l);
-    bound_stripes(l);
-    return 1;
+    l->projected = s->projected;
+    return !l->rays.is_point || (l->box.lo[2] > 0.0f && l->box.hi[2] * nearest < 1.0f);
 }
 
 inline vf component(Vec n, int k) { return k == 0 ? n.x : k == 1 ? n.y : n.z; }
@@ -303,7 +309,13 @@ inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
     const uint keep = set_up_picture(&l->rays, &l->space, corners, lane, may, &edges);
     if (!keep) return;
     private int reaching[STRIPES];
-    reach_stripes(&l->stripes, &edges, keep, l->lit, reaching);
+    l->occluders += popcount(keep);
+    if (l->occluders > UNSORTED_OCCLUDERS && !l->count) {
+        sort_hits(s, l);
+        bound_stripes(l);
+    }
+    if (l->count) reach_stripes(&l->stripes, &edges, keep, l->lit, reaching);
+    else for (int k = 0; k < STRIPES; ++k) reaching[k] = keep;
     for (uint left = l->lit; left; left &= left - 1) {
         const uint stripe = lowest(left);
         if (reaching[stripe]) cast_stripe(s, &edges, reaching[stripe], ids, stripe, l);
@@ -317,11 +329,16 @@ inline int cast_light_space(const Shadows *s, global const Hits *hits, const Sha
     l.rays = *rays;
     l.space = make_light_space(rays);
     l.hits = hits;
+    l.occluders = l.count = 0;
+    l.lit = (uint)((1ul << STRIPES) - 1);
     if (!project_hits(s, &l)) return 0;
     Stack stack;
     start_walk(&stack);
     for (int leaf; l.lit && (leaf = next_occluding(s->tree, rays, &stack)) >= 0;)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES) cast_leaf(s, leaf, lane, &l);
+    // Rays that are not among the sorted ones were dark before.
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        VSTORE(l.count ? (vi)(0) : VLOAD(l.active + at), s->active + at);
     for (int at = 0; at < l.count; ++at) s->active[l.ray[at]] = l.active[at];
     return 1;
 }
