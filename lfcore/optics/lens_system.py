@@ -1,10 +1,15 @@
-"""A realistic lens: a list of spherical surfaces, traced one after the other in float64.
+"""A realistic lens: a list of surfaces, traced one after the other in float64.
 
 Lens space has the film in z = 0 and the scene at +z, x and y as in camera space; metres.  The file
 format is pbrt's: one surface per line from the front (scene side) to the back, ``curvature radius,
 thickness to the next surface, index behind it, aperture diameter`` in millimetres.  A radius of 0
 is the aperture stop, and a positive radius bulges towards the scene.  The last thickness is the
-distance to the film.  A fifth column may have the Abbe number behind the surface, 0 for none.
+distance to the film.  A fifth column may have the Abbe number behind the surface, 0 for none.  An
+aspheric surface has its conic constant in a sixth column, and in further ones the coefficients of
+r^4, r^6 and so on to r^16, in millimetres to the powers -3, -5, ...: its depth at a height r is
+
+    z(r) = c r^2 / (1 + sqrt(1 - (1 + k) c^2 r^2)) + a2 r^2 + a4 r^4 + ...        c = 1 / radius
+
 Source: Kolb, Mitchell, Hanrahan, "A Realistic Camera Model for Computer Graphics", SIGGRAPH 1995;
 pbrt 6.4.
 """
@@ -31,6 +36,12 @@ _REAR_REACH = 1.5
 """The half width of the search for the exit pupil, in radii of the last surface."""
 LINES_UM = {"C": 0.65627, "d": 0.58756, "F": 0.48613}
 """The wavelengths of the Fraunhofer lines of an Abbe number, micrometres."""
+NEWTON_STEPS = 20
+"""The most steps to a hit with an aspheric surface: five are enough but for grazing rays."""
+NEWTON_M = 1e-12
+"""The distance to the surface, metres, at which a ray hits it."""
+MOST_COLUMNS = 13
+"""Columns of a table with coefficients up to r^16."""
 _FOCUS_STEPS = 60
 """The most steps of the fixed point for the film's place; far from the lens, ten are enough."""
 
@@ -41,6 +52,8 @@ class LensSystem:
 
     ``index`` is the refractive index behind each surface.  ``aperture_m`` are radii.  ``radius_m``
     is 0 at the stop.  ``abbe`` are the Abbe numbers behind each surface, 0 without dispersion.
+    ``conic`` are the conic constants, ``even`` (K, n) the coefficients of r^2, r^4, ..., metres to
+    the powers -1, -3, ...; None of spheres alone.
     """
 
     radius_m: np.ndarray
@@ -48,6 +61,8 @@ class LensSystem:
     index: np.ndarray
     aperture_m: np.ndarray
     abbe: np.ndarray | None = None
+    conic: np.ndarray | None = None
+    even: np.ndarray | None = None
 
     @classmethod
     def read(cls, path: str | Path) -> LensSystem:
@@ -56,8 +71,8 @@ class LensSystem:
             lines = Path(path).read_text(encoding="utf-8").splitlines()
             lines = [line for line in lines if line.split("#")[0].strip()]
             rows = np.loadtxt(lines, ndmin=2) if lines else np.zeros((0, 4))
-            if rows.shape[1] not in (4, 5) or not np.isfinite(rows).all():
-                raise ValueError("its lines are not four or five finite numbers")
+            if not 4 <= rows.shape[1] <= MOST_COLUMNS or not np.isfinite(rows).all():
+                raise ValueError(f"its lines are not four to {MOST_COLUMNS} finite numbers")
         except (OSError, ValueError) as error:
             remedy = "Write radius, thickness, index, aperture diameter in mm, Abbe number if known"
             problem = f"lens file cannot be read: {error}"
@@ -65,7 +80,11 @@ class LensSystem:
         if not len(rows):
             raise OpticsError("the lens file holds no surface", file=path)
         radius, thickness, index, diameter = rows.T[:4] * np.array([[1e-3, 1e-3, 1, 1e-3]]).T
-        abbe = rows.T[4] if rows.shape[1] == 5 else None
+        abbe = rows.T[4] if rows.shape[1] > 4 else None
+        conic = even = None
+        if rows[:, 5:].any():
+            powers = 1 - 2 * np.arange(1, rows.shape[1] - 4)  # of metres, from r^2 on
+            conic, even = rows.T[5], np.pad(rows[:, 6:], ((0, 0), (1, 0))) * 1e-3**powers
         index = np.where(index == 0, 1.0, index)
         behind = np.append(thickness[:-1], 0)  # the film may be anywhere: it is focused
         for wrong, problem in (
@@ -77,7 +96,7 @@ class LensSystem:
             if wrong.any():
                 row = f"surface {np.flatnonzero(wrong)[0] + 1}"
                 raise OpticsError(problem, file=path, key=row, remedy="Correct this line")
-        return cls(radius, thickness, index, diameter / 2, abbe)
+        return cls(radius, thickness, index, diameter / 2, abbe, conic, even)
 
     def at_wavelength(self, wavelength_um: float) -> LensSystem:
         """The lens for another colour than d, by Cauchy's n = A + B / wavelength^2."""
@@ -92,7 +111,41 @@ class LensSystem:
         """The lens for rays from the scene; they start ``start_m`` behind the front vertex."""
         thickness = np.append(self.thickness_m[-2::-1], -start_m)
         index = np.append(self.index[-2::-1], 1.0)
-        return LensSystem(-self.radius_m[::-1], thickness, index, self.aperture_m[::-1])
+        return LensSystem(
+            -self.radius_m[::-1], thickness, index, self.aperture_m[::-1],
+            conic=None if self.conic is None else self.conic[::-1],
+            even=None if self.even is None else -self.even[::-1],
+        )  # fmt: skip
+
+    def is_asphere(self, k: int) -> bool:
+        """Whether surface k is no sphere or plane."""
+        conic, even = self.conic, self.even
+        return (conic is not None and conic[k] != 0) or (even is not None and bool(even[k].any()))
+
+    def _bend(self, k: int) -> float:
+        """(1 + k) c^2 of surface k."""
+        radius, conic = self.radius_m[k], 0.0 if self.conic is None else self.conic[k]
+        return float((1 + conic) / radius**2) if radius else 0.0
+
+    def reach(self, k: int) -> float:
+        """The largest height on surface k, metres."""
+        bend = self._bend(k)
+        return bend**-0.5 if bend > 0 else math.inf
+
+    def sag(self, k: int, squares: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+        """The depth of surface k behind its vertex at squared heights, metres^2, and its
+        derivative by these; NaN beyond the surface."""
+        squares = np.asarray(squares, np.float64)
+        curvature = 1 / self.radius_m[k] if self.radius_m[k] else 0.0
+        with np.errstate(invalid="ignore"):
+            root = np.sqrt(1 - self._bend(k) * squares)
+        depth, slope = curvature * squares / (1 + root), curvature / 2 / np.maximum(root, 1e-12)
+        for power, term in enumerate([] if self.even is None else self.even[k], 1):
+            depth, slope = (
+                depth + term * squares**power,
+                slope + power * term * squares ** (power - 1),
+            )
+        return depth, slope
 
     @property
     def film_distance_m(self) -> float:
@@ -153,7 +206,9 @@ class LensSystem:
         """
         before, last = 1.0, len(self.radius_m) - 1 if last is None else last
         for k, radius in enumerate(self.radius_m[: last + 1]):
-            power = (self.index[k] - before) / radius if radius else 0.0
+            curvature = 1 / radius if radius else 0.0
+            curvature += 0.0 if self.even is None else 2 * self.even[k, 0]
+            power = (self.index[k] - before) * curvature
             angle = (before * angle - height * power) / self.index[k]
             before = self.index[k]
             if k < last:
@@ -219,6 +274,8 @@ class LensSystem:
         if radius == 0:
             t = (vertex - o[:, 2]) / np.where(d[:, 2] > 0, d[:, 2], 1.0)
             return o + t[:, None] * d, None, d[:, 2] > 0
+        if self.is_asphere(k):
+            return self._hit_asphere(k, o, d)
         offset = o - np.array([0.0, 0.0, vertex - radius])
         b = (offset * d).sum(1)
         # |offset|^2 - r^2, factored: otherwise flat surfaces lose digits.
@@ -235,6 +292,27 @@ class LensSystem:
         normal = (hit - np.array([0.0, 0.0, vertex - radius])) / radius
         normal = np.where((normal * d).sum(1, keepdims=True) > 0, -normal, normal)
         return hit, normal, is_hit
+
+    def _hit_asphere(
+        self, k: int, o: np.ndarray, d: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As :meth:`_hit`, by Newton's steps from the plane of the vertex."""
+        vertex = self.positions_m[k]
+        t = (vertex - o[:, 2]) / np.where(d[:, 2] > 0, d[:, 2], 1.0)
+        for _ in range(NEWTON_STEPS):
+            hit = o + t[:, None] * d
+            depth, slope = self.sag(k, (hit[:, :2] ** 2).sum(1))
+            off = hit[:, 2] - vertex + depth  # the surface is before the vertex, towards the film
+            change = d[:, 2] + 2 * slope * (hit[:, :2] * d[:, :2]).sum(1)
+            if (np.abs(off) <= NEWTON_M).all():
+                break
+            t = t - off / np.where(change, change, 1.0)
+        normal = np.concatenate([2 * slope[:, None] * hit[:, :2], np.ones_like(t)[:, None]], 1)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        normal = np.where((normal * d).sum(1, keepdims=True) > 0, -normal, normal)
+        passed = (np.abs(off) <= NEWTON_M) & (d[:, 2] > 0)  # NaN misses
+        miss = ~passed[:, None]
+        return np.where(miss, o, hit), np.where(miss, -d, normal), passed
 
     def pupil_bounds(self, film_radius_m: float) -> np.ndarray:
         """The exit pupil's bounds on the plane of the rear vertex, per bin of film radii.

@@ -16,12 +16,14 @@ from lfcore.cli import main
 from lfcore.evaluation.metrics import psnr
 from lfcore.optics.camera import image_distance
 from lfcore.optics.lens import Landing
+from lfcore.optics.lens_system import LensSystem
 from lfcore.optics.ray_cells import displaced_views
 from lfcore.refocus.depth_slicing import DepthSlicer
 from lfcore.refocus.lens_views import lens_margin
 
 LENSES = Path(__file__).parents[2] / "scenes" / "lenses"
 DGAUSS, WIDE = LENSES / "dgauss.dat", LENSES / "wide.dat"
+ASPHERE, PANCAKE = LENSES / "asphere.dat", LENSES / "pancake.dat"
 SINGLET = LENSES / "singlet.dat"
 
 
@@ -63,8 +65,17 @@ def test_a_perfect_lens_gives_the_bits_of_none():
     assert (mixed[1] == expected[1]).all()
 
 
+def aspheric(system, k):
+    """Optiland's keys of surface k, in millimetres."""
+    if not system.is_asphere(k):
+        return {}
+    powers = 1e3 ** (-1.0 - 2 * np.arange(system.even.shape[1]))
+    even = (system.even[k] * powers).tolist()
+    return {"surface_type": "even_asphere", "conic": system.conic[k], "coefficients": even}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("path", [DGAUSS, WIDE])
+@pytest.mark.parametrize("path", [DGAUSS, WIDE, ASPHERE, PANCAKE])
 @pytest.mark.parametrize("focus", [np.inf, 1.0])
 def test_spots_are_those_of_optiland(path, focus):
     optic_module = pytest.importorskip("optiland.optic")
@@ -86,7 +97,8 @@ def test_spots_are_those_of_optiland(path, focus):
             zip(system.radius_m, gaps, system.index, strict=True)
         ):
             optic.surfaces.add(
-                index=k + 1, radius=1e3 * radius or np.inf, thickness=1e3 * gap,
+                **aspheric(system, k), index=k + 1, radius=1e3 * radius or np.inf,
+                thickness=1e3 * gap,
                 material="air" if index == 1 else IdealMaterial(n=index), is_stop=k == lens.stop,
             )  # fmt: skip
         optic.surfaces.add(index=len(gaps) + 1)
@@ -101,7 +113,7 @@ def test_spots_are_those_of_optiland(path, focus):
         place = np.broadcast_to([0, -tangent if infinite else tangent], pupil.shape)
         ours = lens.landing(pupil * focal / 5.6, place, focus, focal).displacement.T * scale
         spots = [np.sqrt(each.var(axis=1).sum()) for each in (1e3 * ours, theirs)]
-        assert spots[0] == pytest.approx(spots[1], rel=0.01), tangent
+        assert spots[0] == pytest.approx(spots[1], rel=0.01, abs=3e-4), tangent
 
 
 def brute_force(lens, plane, pixels, field, surfaces, chosen, count=4096):
@@ -269,10 +281,22 @@ def test_rays_around_a_picture_are_traced_for_barrel_distortion():
     assert lens_margin([SensorPlane(4.0, 2.8)], camera, lfcore.optics.size.Size(96, 64)) == 0
 
 
+def test_rays_beside_an_asphere_miss_it():
+    """They are vignetted; those that hit it are on it, to a picometre, and a cone is no sphere."""
+    system = LensSystem(*map(np.array, ([0.02], [0.05], [1.5], [0.1])), conic=np.array([0.5]))
+    assert system.reach(0) == pytest.approx(0.02 / np.sqrt(1.5))
+    start = np.array([[0.0, 0, 0], [0.01, 0.005, 0], [0.03, 0, 0]])
+    ((_, hit, _, passed),) = system.steps(start, np.array([[0.0, 0, 1]] * 3))
+    assert passed.tolist() == [True, True, False]
+    depth = system.sag(0, (hit[:2, :2] ** 2).sum(1))[0]
+    np.testing.assert_allclose(hit[:2, 2], 0.05 - depth, atol=1e-12)
+    assert np.isnan(system.sag(0, 0.03**2)[0])
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("50 4 1.5\n", "four or five"), ("glass\n", "row 0"),
+        ("50 4 1.5\n", "four to"), ("glass\n", "row 0"),
         ("50 -1 1.5 9\n-50 1 1 9\n", "surface 1"), ("50 4 0.5 9\n-50 1 1 9\n", "index"),
         ("50 4 1.5 9 -3\n-50 1 1 9 0\n", "Abbe"), ("-50 4 1.5 9\n50 1 1 9\n", "real image"),
         ("50 4 1.5 40\n-50 2 1 40\n0 45 0 12\n", "overlap"),
@@ -317,6 +341,8 @@ def test_zemax_text_is_the_same_lens(tmp_path):
     path.write_text(
         text.replace("TYPE STANDARD\n  \n  CURV 0.02", "TYPE EVENASPH\n  \n  CURV 0.02")
     )
+    assert Lens.read(path).focal_length_m == pytest.approx(one.focal_length_m)
+    path.write_text(path.read_text().replace("EVENASPH", "ODDASPHE"))
     refused(r"lens\.zmx.*SURF 1.*no sphere", Lens.read, path)
     path.write_text("hello")
     refused(r"lens\.zmx.*Zemax", Lens.read, path)
