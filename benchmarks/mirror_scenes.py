@@ -67,12 +67,15 @@ def sheet(
 
 
 def block(low: Vector, high: Vector, surface: Surface) -> SurfaceMesh:
+    """A box whose six faces have places of their own in the texture: where two share one, Mitsuba
+    samples the light of one alone."""
     mesh = trimesh.creation.box(bounds=[low, high])
-    corners = mesh.triangles
+    corners = (mesh.triangles - low) / np.subtract(high, low)
     axis = np.abs(mesh.face_normals).argmax(1)
     kept = np.array([[1, 2], [0, 2], [0, 1]])[axis]
     uv = np.take_along_axis(corners, kept[:, None, :].repeat(3, 1), 2)
-    return SurfaceMesh(corners, surface, None, uv)
+    place = np.stack([axis, mesh.face_normals.sum(1) > 0], 1)
+    return SurfaceMesh(mesh.triangles, surface, None, (uv + place[:, None]) / (3, 2))
 
 
 def ball(centre: Vector, radius: float, surface: Surface) -> SurfaceMesh:
@@ -104,7 +107,9 @@ def room(behind: float = -3.0, end: float = 6.0, floor: float = 1.2, side: float
 def plane_mirror() -> Case:
     """A mirror on a wall, turned a little: it shows the room behind the lens and a box."""
     mirror = sheet((0.1, 0, 3.9), (2.0, 0, 0.35), (0, 1.7, 0), MIRROR)
-    box = block((-0.9, 0.1, 1.7), (-0.5, 0.5, 2.1), checked("box", 6, (30, 30, 40), (230, 90, 40)))
+    box = block(
+        (-0.9, 0.1, 1.7), (-0.5, 0.5, 2.1), checked("box", 6, (30, 30, 40), (230, 90, 40), 12)
+    )
     wall = sheet(
         (0, 0, 4.2), (4, 0, 0), (0, 2.4, 0), checked("wall", 7, (90, 120, 140), (220, 220, 210), 12)
     )
@@ -144,6 +149,14 @@ def coat() -> Case:
     return on_floor(checked("varnish", 10, (50, 30, 20), (170, 110, 60), 14, clearcoat=1.0))
 
 
+def rough_coat() -> Case:
+    """The varnished floor, no longer polished."""
+    return on_floor(
+        checked("varnish", 10, (50, 30, 20), (170, 110, 60), 14, clearcoat=1.0,
+                clearcoat_roughness=0.2)
+    )  # fmt: skip
+
+
 def rough_metal(roughness: float) -> Case:
     """The same floor of brushed metal."""
     return on_floor(Surface("metal", (1.0, 1.0, 1.0), metallic=1.0, roughness=roughness))
@@ -159,7 +172,7 @@ def on_floor(surface: Surface) -> Case:
         checked("wall", 11, (200, 60, 40), (250, 245, 225), 8),
     )
     box = block(
-        (0.3, 0.0, 3.4), (0.8, 0.55, 3.9), checked("box", 12, (40, 90, 150), (235, 235, 235))
+        (0.3, 0.0, 3.4), (0.8, 0.55, 3.9), checked("box", 12, (40, 90, 150), (235, 235, 235), 12)
     )
     return Case([floor, wall, box], surface.name, 2.5, 5.8)
 
@@ -176,4 +189,5 @@ CASES: dict[str, Callable[[], Case]] = {
     "plane mirror": plane_mirror, "chrome ball": chrome_ball, "glass ball": glass_ball,
     "window pane": window, "coat": coat, "leaf": leaf,
     **{f"metal of roughness {r}": partial(rough_metal, r) for r in (0.1, 0.2, 0.3)},
+    "rough coat": rough_coat,
 }  # fmt: skip

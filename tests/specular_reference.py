@@ -23,12 +23,19 @@ A path splits at its first two events.  At further ones, it leaves volumes, or e
 stronger ray, with the weight of both: grazing rays would be reflected within a ball to the end.
 The surface after ``MOST_EVENTS`` is matt: it reflects light of its surroundings instead.
 
+Metal and coats of more roughness than a plain mirror's are facets, of which a ray meets one: by two
+numbers that it has from its lens sample and pixel, with the chance by which facets are seen.  Its
+weight is the reflectance of this facet times the chance that light leaves it unhindered.  Where
+base and coat are both mirrors, it meets one of them, by their shares.
+
 Source: B. Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007, for
-F; Khronos, KHR_materials_transmission, _volume and _clearcoat, for the shares.
+F and the facets; J. Dupuy and A. Benyoub, "Sampling visible GGX normals with spherical caps", HPG
+2023; Khronos, KHR_materials_transmission, _volume and _clearcoat, for the shares.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,7 +47,7 @@ from lfcore.oracle.metal import bent_normals, metals
 from lfcore.oracle.shading import COAT, TOUCHING, Traced, albedo, fresnel, normals, own_light
 from lfcore.oracle.textures import Spots, solid_of
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import MIRROR_ROUGHNESS
+from lfcore.scene.needs import MIRROR_ROUGHNESS, TRACED_ROUGHNESS
 from lfcore.scene.sky import radiance as sky_radiance
 from lfcore.scene.surface_mesh import face_normals
 
@@ -74,7 +81,8 @@ class Rays:
     ``number`` (R,) is the first ray's, ``weight`` (R, 3) what it gets of their light, ``events``
     (R,) and ``hits`` (R,) what they met, ``media`` (R, 2) the materials of the volumes they are in,
     the last one first, and ``last`` (R, 2) the triangles they met last; -1 is none.  ``passes``
-    (R,) bool are those that did not turn back at the last one.
+    (R,) bool are those that did not turn back at the last one.  ``numbers`` (R, 2) uint32 choose
+    facets; they are multiplied by 5 from event to event.
     """
 
     number: np.ndarray
@@ -87,6 +95,7 @@ class Rays:
     media: np.ndarray
     last: np.ndarray
     passes: np.ndarray
+    numbers: np.ndarray
 
     def some(self, mask: np.ndarray, **changes: np.ndarray) -> Rays:
         rows: Any = {name: value[mask] for name, value in vars(self).items() if name != "moves"}
@@ -99,19 +108,45 @@ def trace_paths(
     directions: np.ndarray,
     delta: float,
     most_events: int = MOST_EVENTS,
+    numbers: np.ndarray | None = None,
 ) -> Paths:
-    """Follow rays of a camera, (R, 3) each; z of the directions is 1."""
+    """Follow rays of a camera, (R, 3) each; z of the directions is 1.
+
+    ``numbers`` (R, 2) uint32 are those of :func:`ray_numbers`, or any.
+    """
     count, directions = len(origins), np.asarray(directions, np.float64)
     none = np.zeros(count, int)
     rays = Rays(
         np.arange(count), np.asarray(origins, np.float64), _unit(directions),
         Differentials.of_camera(directions, delta), np.ones((count, 3)), none, none,
         np.full((count, 2), -1), np.full((count, 2), -1), none > 0,
+        np.zeros((count, 2), np.uint32) if numbers is None else numbers,
     )  # fmt: skip
     out = _Collected(scene, delta, count)
     while len(rays.number):
         rays = _step(scene, rays, out, most_events)
     return out.paths()
+
+
+def ray_numbers(
+    origins: np.ndarray, directions: np.ndarray, lens_pitch: float, pixel_pitch: float, bits: int
+) -> np.ndarray:
+    """(R, 2) uint32 of rays of a slab with 2^bits lens samples per axis, at most 8.
+
+    A lens sample (i, j) and a pixel (u, v) give u its stratum of 8: first the last bits of u, then
+    those of i + 2 j, the last one first.  What follows is a lattice in the four numbers.
+    """
+    pitches, rays = np.float32([lens_pitch, pixel_pitch]), (origins, directions)
+    lens, pixel = (np.floor(np.float32(ray)[:, :2] / pitch + np.float32(0.25)).astype(np.int64)
+                   for ray, pitch in zip(rays, pitches, strict=True))  # fmt: skip
+    mixed, fields = lens + 2 * lens[:, ::-1], np.zeros_like(lens)
+    for bit in range(bits):
+        fields += (mixed >> bit & 1) << bits - 1 - bit
+    fields += (pixel & (1 << 3 - bits) - 1) << bits
+    turned = [np.stack([each[:, 1], -each[:, 0]], 1) for each in (pixel, lens)]
+    lattice = 3242174889 * pixel + 2447445414 * turned[0] + 1640531527 * lens
+    lattice += 1013904223 * turned[1]
+    return (fields * 2**29 + lattice % 2**32 // 8).astype(np.uint32)
 
 
 class _Collected:
@@ -143,7 +178,11 @@ class _Collected:
 
 @dataclass(frozen=True)
 class _Events:
-    """What surfaces do with R rays."""
+    """What surfaces do with R rays.
+
+    ``coated`` (R, 1) is the coat's share of ``mirrored``, ``reflect`` gives both shares at other
+    cosines, and ``widths`` (R, 2) are the squared roughness of base and coat; 0 is a plain mirror.
+    """
 
     own: np.ndarray
     traced: Traced
@@ -152,6 +191,9 @@ class _Events:
     bent: np.ndarray
     eta: np.ndarray
     media: np.ndarray
+    coated: np.ndarray
+    reflect: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+    widths: np.ndarray
 
 
 def _step(scene: Scene, rays: Rays, out: _Collected, most_events: int) -> Rays:
@@ -230,6 +272,7 @@ def _meet(
         light = events.own[on] * own_light(spots.some(on), traced)
         share = 1 - events.mirrored[on] - events.passed[on]
         out.add(rays.some(on), light, share, np.ones(len(light), bool))
+    facet, events = _meet_facets(rays, normal, events)
     weights = rays.weight[:, None] * np.stack([events.mirrored, events.passed], 1)  # (R, 2, 3)
     strength = weights.mean(2)
     leaves = _volumes(spots) & ~front & (strength[:, 1] > 0)
@@ -241,11 +284,12 @@ def _meet(
     for way, send in enumerate((_mirrored, _passed)):
         goes = on & (strength[:, way] > 0) & (~single | (chosen == way))
         weight = np.where(single[:, None], weights.sum(1), weights[:, way])
-        direction, moves = send(rays, normal, plane, bends, events)
+        direction, moves = send(rays, normal if way else facet, plane, bends, events)
         media = events.media if way else rays.media
         changed = replace(
             rays, direction=direction, moves=moves, weight=weight, media=media,
             events=rays.events + 1, passes=np.full(len(media), way == 1),
+            numbers=rays.numbers * np.uint32(5),
         )  # fmt: skip
         children.append(changed.some(goes))
     return children
@@ -257,29 +301,96 @@ def _events(spots: Spots, rays: Rays, normal: np.ndarray, front: np.ndarray) -> 
     surface, physical = metals(spots, base), number("metallic")[:, None] >= 0
     metal = np.where(physical, surface.metal, 0.0)
     transmitted = number("transmission")[:, None]
-    mirrors = (transmitted > 0) | (physical & (surface.roughness <= MIRROR_ROUGHNESS))
-    coat = (
-        number("clearcoat")[:, None] * (number("clearcoat_roughness") <= MIRROR_ROUGHNESS)[:, None]
-    )
+    mirrors = (transmitted > 0) | (physical & (surface.roughness <= TRACED_ROUGHNESS))
+    rough_coat = number("clearcoat_roughness")[:, None]
+    coat = number("clearcoat")[:, None] * (rough_coat <= TRACED_ROUGHNESS)
     eta, media = _indices(spots, rays, front)
     cosine = -dot(rays.direction, normal)
-    sharp = fresnel(cosine[:, 0], eta)[:, None]
     thin = number("thin_walled")[:, None] > 0
-    glass = np.where(thin & (transmitted > 0), 2 * sharp / (1 + sharp), sharp)
-    reflected = (1 - metal) * glass + metal * (base + (1 - base) * (1 - cosine) ** 5)
-    reflected = np.where(mirrors, reflected, 0.0)
-    shield = coat * fresnel(cosine[:, 0], np.full(len(cosine), 1 / COAT))[:, None]
-    mirrored = opacity * (shield + (1 - shield) * reflected)
+
+    def glass_at(cosine: np.ndarray) -> np.ndarray:
+        sharp = fresnel(cosine[:, 0], eta)[:, None]
+        return np.where(thin & (transmitted > 0), 2 * sharp / (1 + sharp), sharp)
+
+    def coat_at(cosine: np.ndarray) -> np.ndarray:
+        return coat * fresnel(cosine[:, 0], np.full(len(cosine), 1 / COAT))[:, None]
+
+    glass, shield = glass_at(cosine), coat_at(cosine)
+
+    def reflect(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        reflected = (1 - metal) * glass_at(at) + metal * (base + (1 - base) * (1 - at) ** 5)
+        return opacity * (1 - shield) * np.where(mirrors, reflected, 0.0), opacity * coat_at(at)
+
+    of_base, coated = reflect(cosine)
+    mirrored = of_base + coated
+    rough = surface.roughness * ((transmitted == 0) & mirrors), rough_coat * (coat > 0)
+    widths = np.hstack([np.where(each > MIRROR_ROUGHNESS, each, 0.0) ** 2 for each in rough])
     through = (1 - metal) * transmitted * base * (1 - glass)
     return _Events(
         own=opacity * (1 - shield),
-        traced=Traced(mirrors, coat > 0, np.where(mirrors, glass, 0.0), transmitted),
+        traced=Traced(
+            mirrors,
+            coat > 0,
+            widths.any(1, keepdims=True),
+            np.where(mirrors, glass, 0.0),
+            transmitted,
+        ),
         mirrored=mirrored,
         passed=opacity * (1 - shield) * through + 1 - opacity,
         bent=_volumes(spots),
         eta=eta,
         media=media,
+        coated=coated,
+        reflect=reflect,
+        widths=widths,
     )
+
+
+def _meet_facets(rays: Rays, normal: np.ndarray, events: _Events) -> tuple[np.ndarray, _Events]:
+    """The normals (R, 3) that mirror, and the events with what these reflect."""
+    rough = events.widths.any(1)
+    if not rough.any():
+        return normal, events
+    first, second = rays.numbers.T / 2.0**32
+    chance = (events.coated[:, 0] / np.maximum(events.mirrored.mean(1), 1e-30)).clip(0, 1)
+    of_coat = second < chance
+    share = np.maximum(np.where(of_coat, chance, 1 - chance), 1e-30)
+    width = np.where(of_coat, events.widths[:, 1], events.widths[:, 0])
+    facet = visible_facets(
+        normal, -rays.direction, width, first, (second - np.where(of_coat, 0, chance)) / share
+    )
+    seen = -dot(rays.direction, facet)
+    base, coat = events.reflect(seen)
+    away = dot(rays.direction + 2 * seen * facet, normal)[:, 0]
+    shown = np.where(of_coat[:, None], coat, base) * (unhidden(away, width) / share)[:, None]
+    rough = rough[:, None]
+    return np.where(rough, facet, normal), replace(
+        events, mirrored=np.where(rough, shown, events.mirrored)
+    )
+
+
+def unhidden(cosine: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """The share of facets that nothing hides in directions of a cosine: Smith's, 0 from behind."""
+    tangent2 = 1 / np.maximum(cosine, 1e-30) ** 2 - 1
+    return np.where(cosine > 0, 2 / (1 + np.sqrt(1 + width**2 * np.maximum(tangent2, 0))), 0.0)
+
+
+def visible_facets(
+    normal: np.ndarray, view: np.ndarray, width: np.ndarray, first: np.ndarray, second: np.ndarray
+) -> np.ndarray:
+    """(R, 3) unit normals of facets that are seen from ``view``, by numbers (R,) from 0 to 1."""
+    n = np.where(normal[:, 2:] < 0, -1.0, 1.0)[:, 0]
+    x, y, z = normal.T
+    frame = np.stack([
+        np.stack([1 - n * x * x / (n + z), -n * x * y / (n + z), -n * x], 1),
+        np.stack([-x * y / (n + z), n - y * y / (n + z), -y], 1), normal,
+    ], 1)  # fmt: skip
+    stretch = np.stack([width, width, np.ones_like(width)], 1)
+    above = _unit(np.einsum("rij,rj->ri", frame, view) * stretch)
+    height = 1 - second * (1 + above[:, 2])
+    radius, turn = np.sqrt(np.maximum(1 - height**2, 0)), 2 * np.pi * first
+    cap = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], 1)
+    return _unit(np.einsum("ri,rij->rj", (cap + above) * stretch, frame))
 
 
 def _indices(spots: Spots, rays: Rays, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

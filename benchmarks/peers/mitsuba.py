@@ -226,7 +226,10 @@ class Even(Description):
         out = np.cross(q - p, r - p)
         out *= COAT_M / np.linalg.norm(out, axis=1, keepdims=True)
         props, none = self.mitsuba.Properties(), np.zeros((0, 3, 3), np.float32)
-        props["bsdf"] = self.mitsuba.load_dict({"type": "dielectric", "int_ior": COAT})
+        alpha = self._scene.every_material[number].clearcoat_roughness ** 2
+        rough = {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha}
+        smooth = {"type": "dielectric", "int_ior": COAT}
+        props["bsdf"] = self.mitsuba.load_dict(smooth | rough if alpha else smooth)
         sheet = (corners + out[:, None]).astype(np.float32)
         return mesh_of(self.mitsuba, f"coat {number}", sheet, none, none, props)
 

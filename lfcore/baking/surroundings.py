@@ -13,7 +13,7 @@ from lfcore.scene.arrays import dot
 from lfcore.scene.baked import NO_SKY
 from lfcore.scene.limits import MOST_ATTENUATION, SMALLEST_LENGTH
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import MIRROR_ROUGHNESS, emitting_triangles
+from lfcore.scene.needs import TRACED_ROUGHNESS, emitting_triangles
 from lfcore.scene.sky import suns
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.given_rays import HitSurfaces, RayHits
@@ -94,7 +94,7 @@ class Surroundings:
         self.emits = emitting_triangles(scene)
         self.veils = Veils(scene)
         mirrors = [
-            m.metallic > 0.5 and m.roughness <= MIRROR_ROUGHNESS for m in scene.every_material
+            m.metallic > 0.5 and m.roughness <= TRACED_ROUGHNESS for m in scene.every_material
         ]
         self.mirrors = np.append(np.array(mirrors, bool)[scene.material_ids], False)
 

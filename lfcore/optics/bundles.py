@@ -64,6 +64,10 @@ class Bundles:
         The grid of the elements, so that a block can span several of them.
     band : (int, int), optional
         The first row and the number of rows to trace.  Default: all.
+    pitches : (float, float, int)
+        The distance of lens samples, metres, the tangent between pixels, and the lens samples per
+        axis of the slab whose rays these are; 0: unknown.  By them, rough mirrors scatter the rays
+        of a pixel evenly.
     """
 
     elements: np.ndarray
@@ -73,6 +77,7 @@ class Bundles:
     pixel_pitch: float
     lattice: ElementLattice | None = None
     band: tuple[int, int] | None = None
+    pitches: tuple[float, float, int] = (0.0, 0.0, 1)
 
     @property
     def first_row(self) -> int:
@@ -133,7 +138,8 @@ def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
     shear = -slab.camera.delta * pitch
     step = np.array([pitch, pitch, shear, shear], np.float32)
     rays = lattice.centre_rays(pixels)
-    return Bundles(rays, step, slab.views, slab.views, slab.pixel_pitch, lattice)
+    pitches = pitch, slab.pixel_pitch, slab.views
+    return Bundles(rays, step, slab.views, slab.views, pitches[1], lattice, pitches=pitches)
 
 
 def views(slab: Slab, samples: np.ndarray) -> Bundles:
@@ -142,4 +148,5 @@ def views(slab: Slab, samples: np.ndarray) -> Bundles:
     x, y = slab.off_axis().tolist()
     lattice = ElementLattice(slab.views, pitch, -slab.camera.delta * pitch, (x, y))
     step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
-    return Bundles(lattice.centre_rays(samples), step, *slab.size, slab.pixel_pitch, lattice)
+    rays, pitches = lattice.centre_rays(samples), (pitch, slab.pixel_pitch, slab.views)
+    return Bundles(rays, step, *slab.size, pitches[1], lattice, pitches=pitches)

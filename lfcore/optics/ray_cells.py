@@ -54,6 +54,7 @@ class ViewSet:
             np.array([0.0, 0.0, pitch, pitch], np.float32),
             *slab.size,
             pitch if footprint is None else footprint,
+            pitches=(slab.lens_pitch_m, pitch, slab.views),
         )
 
 

@@ -23,7 +23,7 @@ from lfcore.oracle.metal import Metals, bent_normals, metals, reflected_sky
 from lfcore.oracle.textures import Spots, solid_of
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import MIRROR_ROUGHNESS, is_clear
+from lfcore.scene.needs import TRACED_ROUGHNESS, is_clear
 from lfcore.scene.sky import radiance as sky_radiance
 
 TOUCHING = 1e-9
@@ -58,12 +58,14 @@ class Traced:
     """What other rays bring to R points: their own light lacks it.
 
     ``mirrors`` and ``coats`` (R, 1) bool tell where the reflection of the base and of its coat is
-    traced, ``reflected`` (R, 1) what the base reflects before light is scattered below, and
-    ``transmitted`` (R, 1) the share of that which is replaced by light from behind.
+    traced, and ``rough`` where their rays meet no suns; ``reflected`` (R, 1) what the base reflects
+    before light is scattered below, and ``transmitted`` (R, 1) the share of that which is replaced
+    by light from behind.
     """
 
     mirrors: np.ndarray
     coats: np.ndarray
+    rough: np.ndarray
     reflected: np.ndarray
     transmitted: np.ndarray
 
@@ -93,7 +95,9 @@ def own_light(spots: Spots, traced: Traced | None = None) -> np.ndarray:
         plain = np.where(is_metal, of_metal, diffuse * cosine[:, None])
         shine = np.where(is_metal, shine_of_metal, specular * gloss[:, None])
         if traced is not None and light.is_visible:  # to mirrored rays
-            shine = np.where(traced.mirrors | (traced.coats & ~is_metal), 0.0, shine)
+            met = traced.mirrors | (traced.coats & ~is_metal)
+            met = met & ~traced.rough if light.angular_radius else met
+            shine = np.where(met, 0.0, shine)
         colour += np.where(visible[:, None], strength * (matt * plain + shine), 0)
     return colour
 
@@ -262,7 +266,7 @@ def _passing(spots: Spots) -> tuple[np.ndarray, np.ndarray]:
     slant = (plane * spots.view).sum(1)
     sharp = fresnel(np.abs(slant), 1 / number("ior"))
     glass = np.where(number("thin_walled") > 0, 2 * sharp / (1 + sharp), sharp)
-    smooth = number("clearcoat_roughness") <= MIRROR_ROUGHNESS
+    smooth = number("clearcoat_roughness") <= TRACED_ROUGHNESS
     shield = number("clearcoat") * smooth * fresnel(np.abs(slant), np.full(len(slant), 1 / COAT))
     base, opacity = albedo(spots), spots.opacity()
     metal = np.maximum(metals(spots, base).metal[:, 0], 0)

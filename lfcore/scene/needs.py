@@ -20,8 +20,10 @@ LEAST_ROUGHNESS = 0.05
 """The least roughness that is shaded: the highlight of a smoother surface falls between rays."""
 DIELECTRIC = 0.04
 """The reflectance of dielectrics at normal incidence: an index of refraction of 1.5."""
-MIRROR_ROUGHNESS = 0.1
-"""The largest roughness of a mirror or a coat whose reflections are traced."""
+MIRROR_ROUGHNESS = 0.03
+"""The largest roughness of a plain mirror, whose rays leave in one direction."""
+TRACED_ROUGHNESS = 0.3
+"""The largest roughness of metal or of a coat whose reflections are traced."""
 MOST_DISTANCES = 1 << 26
 """The most pairs of light and triangle whose distance is measured; beyond, lights count as near."""
 
@@ -102,6 +104,8 @@ class Needs:
         Whether shadow rays start beside hit points, on curved surfaces.
     specular : bool
         Whether rays go on from a surface: see :func:`is_specular`.
+    rough : bool
+        Whether some of these surfaces are no plain mirrors.
     clear : bool
         Whether lights shine through a surface and tint its shadow: see :func:`is_clear`.
     stops : int
@@ -118,6 +122,7 @@ class Needs:
     baked: bool
     sky: bool
     specular: bool
+    rough: bool
     clear: bool
     stops: int
 
@@ -137,6 +142,7 @@ class Needs:
             baked=scene.light is not None,
             sky=len(scene.sky) > 0,
             specular=any(is_specular(scene, material) for material in used),
+            rough=any(is_rough(scene, material) for material in used),
             clear=casting and any(is_clear(scene, material) for material in used),
             stops=stops_above_white(scene),
         )
@@ -151,9 +157,17 @@ def is_specular(scene: Scene, material: Material) -> bool:
     """Whether rays go on from a material's surfaces: mirrored, refracted or straight through."""
     return (
         is_clear(scene, material)
-        or (material.clearcoat > 0 and material.clearcoat_roughness <= MIRROR_ROUGHNESS)
-        or (material.is_metallic and _least_roughness(scene, material) <= MIRROR_ROUGHNESS)
+        or (material.clearcoat > 0 and material.clearcoat_roughness <= TRACED_ROUGHNESS)
+        or (material.is_metallic and _roughness(scene, material)[0] <= TRACED_ROUGHNESS)
     )
+
+
+def is_rough(scene: Scene, material: Material) -> bool:
+    """Whether reflections of a material are traced, but blurred."""
+    least, most = _roughness(scene, material)
+    base = material.is_metallic and least <= TRACED_ROUGHNESS and most > MIRROR_ROUGHNESS
+    coat = MIRROR_ROUGHNESS < material.clearcoat_roughness <= TRACED_ROUGHNESS
+    return (base and not material.transmission) or (coat and material.clearcoat > 0)
 
 
 def is_clear(scene: Scene, material: Material) -> bool:
@@ -161,10 +175,12 @@ def is_clear(scene: Scene, material: Material) -> bool:
     return material.transmission > 0 or material.opacity < 1 or scene.has_alpha_blend(material)
 
 
-def _least_roughness(scene: Scene, material: Material) -> float:
+def _roughness(scene: Scene, material: Material) -> tuple[float, float]:
+    """The least and the largest roughness of a material."""
     if material.metal_texture < 0 or not len(scene.uvs):
-        return material.roughness
-    return material.roughness * int(scene.textures[material.metal_texture][..., 1].min()) / 255
+        return material.roughness, material.roughness
+    texels = scene.textures[material.metal_texture][..., 1]
+    return tuple(material.roughness * int(end) / 255 for end in (texels.min(), texels.max()))
 
 
 def _has_curves(scene: Scene) -> bool:

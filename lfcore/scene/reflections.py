@@ -7,12 +7,12 @@ import numpy as np
 
 from lfcore.scene.appearance import Material
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import MIRROR_ROUGHNESS, emitting_triangles
+from lfcore.scene.needs import TRACED_ROUGHNESS, emitting_triangles
 from lfcore.scene.notes import LEFT_OUT, Note
 
 _SMOOTH = 0.5
 """The roughness below which one recognises what a surface reflects; up to
-:data:`~lfcore.scene.needs.MIRROR_ROUGHNESS` its pictures have it."""
+:data:`~lfcore.scene.needs.TRACED_ROUGHNESS` its pictures have it."""
 _METAL = 0.5
 """The least ``metallic`` of a metal: more than half of its reflection is specular."""
 _LEAST_SHARE = 0.1
@@ -55,13 +55,13 @@ def _smooth_shares(scene: Scene, material: Material) -> tuple[float, float]:
     """
     if not material.is_metallic:
         width = (2 / (max(material.shininess, 0) + 2)) ** 0.25
-        is_coated = material.clearcoat > 0 and material.clearcoat_roughness <= MIRROR_ROUGHNESS
+        is_coated = material.clearcoat > 0 and material.clearcoat_roughness <= TRACED_ROUGHNESS
         return float(any(material.specular) and width < _SMOOTH and not is_coated), 0.0
     texels = np.ones((1, 1, 3))
     if material.metal_texture >= 0 and len(scene.uvs):
         texels = scene.textures[material.metal_texture][::_TEXEL_STEP, ::_TEXEL_STEP] / 255
     roughness = material.roughness * texels[..., 1]
-    smooth = (roughness > MIRROR_ROUGHNESS) & (roughness < _SMOOTH)
+    smooth = (roughness > TRACED_ROUGHNESS) & (roughness < _SMOOTH)
     is_metal = material.metallic * texels[..., 2] >= _METAL
     return float(smooth.mean()), float((smooth & is_metal).mean())
 

@@ -63,7 +63,8 @@ def _macros(sink: str, scene: Mapping[str, int], *, has_alpha: bool = False) -> 
     elif sink == "PATHS" or specular:
         always = PHYSICAL | ALPHA_TESTS * has_alpha
         changes = {"TEXTURES": scene["TEXTURES"] | always}
-    return {**scene, **changes, "SPECULAR": specular, "SINK": sink}
+    rough = scene["ROUGH"] * (sink == "PATHS")
+    return {**scene, **changes, "SPECULAR": specular, "ROUGH": rough, "SINK": sink}
 
 
 def _kernel_of(scene: DeviceScene, sink: str, values: Mapping[str, float]) -> EntryKernel:

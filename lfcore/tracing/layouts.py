@@ -7,13 +7,21 @@ import numpy as np
 
 from lfcore.opencl.interface import FLOAT, INT, SHARED, UINT, Interface, given, read, write
 from lfcore.scene.limits import MOST_ATTENUATION
-from lfcore.scene.needs import DIELECTRIC, FLAT_NORMALS, LEAST_ROUGHNESS, MIRROR_ROUGHNESS
+from lfcore.scene.needs import (
+    DIELECTRIC,
+    FLAT_NORMALS,
+    LEAST_ROUGHNESS,
+    MIRROR_ROUGHNESS,
+    TRACED_ROUGHNESS,
+)
 from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
 from lfcore.tracing.alpha_test import ALPHA_TEST
 
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
 BAKED_BITS, BAKED_BIAS = 9, 15
 TEXTURED, ALPHA_TESTS, PHYSICAL = 1, 2, 4
+LOBE_PART = 0.25
+"""The width of the filter of what a rough mirror shows, in lobes: measured, docs/decisions.md."""
 LINE = 64
 MAP_BASE, MAP_NORMAL, MAP_METAL, MAP_EMISSION, MAPS = range(5)
 CONSTANTS: dict[str, int | float] = {
@@ -29,7 +37,8 @@ CONSTANTS: dict[str, int | float] = {
     "MOST_HITS": 64,  # of a path, with those at which nothing happens
     "SPLITS": 2,  # events at which a path splits
     "COAT": 1.5,  # the index of refraction of a clear coat
-    "MIRROR_ROUGHNESS": MIRROR_ROUGHNESS,
+    "MIRROR_ROUGHNESS": MIRROR_ROUGHNESS, "TRACED_ROUGHNESS": TRACED_ROUGHNESS,
+    "LOBE_PART": LOBE_PART,
     "DIELECTRIC": DIELECTRIC, "LEAST_ROUGHNESS": LEAST_ROUGHNESS,  # scene/needs.py
     "TEXTURED_BIT": TEXTURED,  # of TEXTURES, what a program is built with
     "ALPHA_TESTS_BIT": ALPHA_TESTS,  # triangles with holes
@@ -113,7 +122,12 @@ RAY_ARGUMENTS = np.dtype([
     ("across", INT),  # elements in a row of a radiance image
     ("add", INT),  # whether radiance is added to what is there
 ])  # fmt: skip
-PATH_ARGUMENTS = np.dtype([("most_events", INT)])
+PATH_ARGUMENTS = np.dtype([
+    ("most_events", INT),
+    ("lens_pitch", FLOAT),  # of the slab whose rays these are, metres; 0: unknown
+    ("pixel_pitch", FLOAT),  # likewise, a tangent
+    ("lens_bits", INT),  # the logarithm to base 2 of its lens samples per axis, at most 3
+])  # fmt: skip
 SEEN = np.dtype([
     ("own", FLOAT, 3), ("own_depth", FLOAT), ("specular", FLOAT, 3), ("specular_depth", FLOAT),
     ("cut", FLOAT),

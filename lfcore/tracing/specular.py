@@ -69,16 +69,20 @@ def follow(
     pixel_pitch: float,
     triangle: np.ndarray | None = None,
     most_events: int = MOST_EVENTS,
+    pitches: tuple[float, float, int] = (0.0, 0.0, 1),
 ) -> SeenParts:
     """Follow rays (R, 3) from the lens, whose directions have z = 1; textures are filtered over the
     tangent ``pixel_pitch``.  ``triangle`` (R,) int32 are those that the rays hit, if known; the own
-    light of these is then left out."""
+    light of these is then left out.  ``pitches`` are as of :class:`Bundles`."""
     device, seen = scene.device, page_aligned((len(origins),), SEEN)
     if len(seen):
         target = device.target_buffer(seen)
         launch_given(
             scene, "PATHS", len(seen), pixel_pitch, seen=target,
-            path_numbers=record(PATH_ARGUMENTS, most_events=most_events),
+            path_numbers=record(
+                PATH_ARGUMENTS, most_events=most_events, lens_pitch=pitches[0],
+                pixel_pitch=pitches[1], lens_bits=min(3, pitches[2].bit_length() - 1),
+            ),
             origins=device.shared(np.ascontiguousarray(origins)),
             directions=device.shared(np.ascontiguousarray(directions)),
             triangle=None if triangle is None else device.shared(triangle),

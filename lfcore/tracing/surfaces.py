@@ -86,7 +86,7 @@ def pack_surfaces(
     light = None if "baked_light" in left_out else scene.light
     grids, values = with_levels(light) if light else ((), np.zeros((0, 3)))
     colours = scene.sky.reshape(-1, 3)  # followed by the maps of sky_gloss
-    if len(colours) and needs.physical and scene.light is not None:
+    if len(colours) and (needs.rough or (needs.physical and scene.light is not None)):
         colours = np.concatenate([colours, sky_gloss(scene.sky)])
     return Surfaces(
         corners=np.ascontiguousarray(scene.triangles, np.float32),
@@ -116,6 +116,7 @@ def macros_of(needs: Needs) -> dict[str, int]:
         "SHADOWS": int(needs.shadows),
         "CLEAR": int(needs.clear),
         "SPECULAR": int(needs.specular),
+        "ROUGH": int(needs.rough),
         "BAKED": int(needs.baked),
         "SKY": int(needs.sky),
     }

@@ -154,7 +154,9 @@ class Tracer:
         if not len(chosen):
             return None
         rays, known = bundles.some_rays(chosen), triangle.ravel()[chosen]
-        return chosen, follow(self._on_device, *rays, bundles.pixel_pitch, known)
+        return chosen, follow(
+            self._on_device, *rays, bundles.pixel_pitch, known, pitches=bundles.pitches
+        )
 
     def radiance_and_depth(self, bundles: Bundles) -> tuple[np.ndarray, np.ndarray]:
         """Radiance and depth of every ray in one pass: see :meth:`bundle_radiance`.

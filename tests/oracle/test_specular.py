@@ -7,10 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
 from plain_scenes import scene, wall
-from specular_reference import NEAREST, fresnel, trace_paths
+from specular_reference import (
+    NEAREST,
+    fresnel,
+    ray_numbers,
+    trace_paths,
+    unhidden,
+    visible_facets,
+)
 
 from lfcore import Material
+from lfcore.scene.sky_gloss import SHARES, reflected_shares
 from lfcore.scene.transforms import rotate
 
 DELTA = 0.3
@@ -249,3 +259,78 @@ def test_grazing_rays_and_backs_of_volumes_stay_finite():
                 assert np.isfinite(values).all()
             assert (seen.inverse_depth <= NEAREST * seen.own_inverse_depth + 1e-12).all()
             np.testing.assert_allclose(seen.own + seen.specular, 1.0, rtol=1e-6)
+
+
+@given(
+    st.floats(0, 1),
+    st.floats(0, 1),
+    st.floats(1e-3, 0.999),
+    st.floats(0.02, 0.35),
+    st.floats(0, 6.3),
+)
+def test_facets_are_seen_and_weigh_at_most_one(first, second, cosine, roughness, turn):
+    side = math.sqrt(1 - cosine**2)
+    view = np.array([[side * math.cos(turn), side * math.sin(turn), cosine]])
+    width, normal = np.array([roughness**2]), np.array([[0.0, 0, 1]])
+    facet = visible_facets(normal, view, width, np.array([first]), np.array([second]))
+    seen = float(facet[0] @ view[0])
+    assert seen >= -1e-9 and facet[0, 2] >= -1e-9
+    assert np.linalg.norm(facet) == pytest.approx(1)
+    away = 2 * seen * facet[0] - view[0]
+    assert 0 <= unhidden(away[2:], width)[0] <= 1
+
+
+@pytest.mark.parametrize(("roughness", "cosine"), [(0.2, 0.9), (0.3, 0.5), (0.3, 0.15)])
+def test_facets_reflect_what_the_integral_over_the_lobe_does(roughness, cosine):
+    """Light that grows with height and to one side, reflected by white metal."""
+    view = np.array([math.sqrt(1 - cosine**2), 0.0, cosine])
+    alpha, n = roughness**2, 256
+
+    def light(out):
+        return 1 + out[..., 2] + 0.5 * out[..., 0]
+
+    u, v = (each.ravel() for each in np.meshgrid(*[(np.arange(n) + 0.5) / n] * 2))
+    normals = np.tile([0.0, 0, 1], (n * n, 1))
+    facet = visible_facets(normals, np.tile(view, (n * n, 1)), np.full(n * n, alpha), u, v)
+    out = 2 * (facet @ view)[:, None] * facet - view
+    sampled = (light(out) * unhidden(out[:, 2], np.full(n * n, alpha))).mean()
+
+    # Directly over halfway vectors: D G1 G1 (V . H) / (N . V) dH, reciprocal in V and L.
+    tilt, turn = np.meshgrid(np.arctan(alpha * np.tan((np.arange(2000) + 0.5) / 2000 * np.pi / 2)),
+                             (np.arange(256) + 0.5) / 256 * 2 * np.pi)  # fmt: skip
+    step = np.gradient(tilt, axis=1)
+    h = np.stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)], -1)
+    density = alpha**2 / (np.pi * (np.cos(tilt) ** 2 * (alpha**2 - 1) + 1) ** 2)
+    seen = np.maximum(h @ view, 0)
+    out = 2 * seen[..., None] * h - view
+    hidden = unhidden(out[..., 2], np.array(alpha)) * unhidden(np.array(cosine), np.array(alpha))
+    whole = light(out) * density * hidden * seen / cosine * np.sin(tilt) * step * (2 * np.pi / 256)
+    assert sampled == pytest.approx(whole.sum(), rel=3e-3)
+
+
+@pytest.mark.parametrize("roughness", [0.031, 0.1, 0.3])
+def test_rough_metal_in_white_light_is_nearly_white(roughness):
+    """It loses what light scattered between facets would bring, as rougher metal under a sky."""
+    metal = replace(MIRROR, roughness=roughness)
+    world = made((wall(2.0), metal), ambient=WHITE, background=WHITE)
+    rng = np.random.default_rng(2)
+    rays = np.concatenate([np.zeros((500, 2)), rng.uniform(-0.5, 0.5, (500, 2))], 1)
+    numbers = rng.integers(0, 2**32, (500, 2), np.uint32)
+    seen = paths(world, rays, numbers=numbers)
+    rough = reflected_shares().reshape(SHARES, SHARES, 3)[round(roughness * (SHARES - 1))]
+    expected = rough[round(0.93 * (SHARES - 1))].sum()
+    assert seen.specular.max() <= 1 + 1e-9
+    assert seen.specular.mean() == pytest.approx(expected, abs=0.01)
+
+
+def test_numbers_of_the_rays_of_a_pixel_have_all_strata():
+    lens, pixel = 0.01, 0.003
+    for views, side in ((1, 8), (2, 4), (4, 2), (8, 1), (16, 1)):
+        i, j, u, v = (each.ravel() for each in np.mgrid[:views, :views, 5 : 5 + side, 9 : 9 + side])
+        shear = -0.3 * lens * np.stack([i, j], 1)
+        origins = (np.stack([i, j, 0 * i], 1) - (views - 1) / 2) * lens
+        directions = np.stack([u, v, 0 * u], 1) * pixel
+        directions[:, :2] += np.round(shear / pixel) * pixel
+        numbers = ray_numbers(origins, directions, lens, pixel, min(3, views.bit_length() - 1))
+        strata = (numbers >> 29).astype(int) @ [8, 1]
+        assert set(np.bincount(strata, minlength=64)) == {(views * side) ** 2 // 64}

@@ -9,8 +9,8 @@ from lfcore import load_scene
 from lfcore.cli import main
 from lfcore.scene.notes import LEFT_OUT
 
-GOLD = {"diffuse": [1.0, 0.8, 0.3], "metallic": 1.0, "roughness": 0.2}
-SATIN = GOLD | {"roughness": 0.9}
+GOLD = {"diffuse": [1.0, 0.8, 0.3], "metallic": 1.0, "roughness": 0.4}
+SMOOTH, SATIN = (GOLD | {"roughness": roughness} for roughness in (0.3, 0.9))
 PLASTIC = GOLD | {"metallic": 0.0}
 MATT, LACQUER = {"diffuse": [0.5, 0.5, 0.5]}, {"specular": [0.2, 0.2, 0.2], "shininess": 100}
 LAMP = {"diffuse": [0.5, 0.5, 0.5], "emission": [5.0, 5.0, 5.0]}
@@ -39,6 +39,7 @@ def described(tmp_path):
     ("one", "other", "distance", "expected"),
     [
         (GOLD, MATT, 1.0, [METAL]), (GOLD, MATT, 9.0, []), (SATIN, MATT, 1.0, []),
+        (SMOOTH, MATT, 1.0, []),
         (PLASTIC, MATT, 1.0, []), (PLASTIC, LAMP, 9.0, [GLOSS]), (LACQUER, LAMP, 9.0, [GLOSS]),
         (GOLD, LAMP, 1.0, [METAL, GLOSS]), (MATT, LAMP, 1.0, []), (LAMP | LACQUER, MATT, 1.0, []),
     ],

@@ -85,8 +85,8 @@ def test_array_of_the_wrong_shape_is_refused(tmp_path, scene):
 def test_needs(scene):
     assert Needs.of(scene) == Needs(
         textures=True, alpha_tests=False, physical=False, smooth_normals=False, curved=False,
-        vertex_colours=False, shadows=True, baked=False, sky=False, specular=False, clear=False,
-        stops=5,
+        vertex_colours=False, shadows=True, baked=False, sky=False, specular=False, rough=False,
+        clear=False, stops=5,
     )  # fmt: skip
     # Materials that no triangle has and lights that are black do not count.
     dark = {"lights": [Light(POINT, (0, 0, 0), (0, 0, 0))], "ambient": (0, 0, 0)}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from specular_reference import trace_paths
+from specular_reference import ray_numbers, trace_paths
 from tracing_scenes import CAMERA, LAMP, SUN, WALL, bent_normals, scene, tiles, tracer_of
 
 from lfcore import Slab, open_device
@@ -27,7 +27,15 @@ KINDS = {
     "veil": {"diffuse": (0.5, 0.6, 0.2), "opacity": 0.3, "specular": (0.3, 0.3, 0.3)},
     "nothing": {**GLASS, "opacity": 0.0},
     "index 1": {**GLASS, "ior": 1.0},
+    "rough metal": {"metallic": 1.0, "roughness": 0.3, "diffuse": (0.9, 0.8, 0.7)},
+    "rough dielectric": {"metallic": 0.0, "roughness": 0.1, "diffuse": (0.9, 0.8, 0.7)},
+    "rough coat": {"diffuse": (0.5, 0.6, 0.2), "clearcoat": 1.0, "clearcoat_roughness": 0.2},
+    "rough coat on rough metal": {"metallic": 0.9, "roughness": 0.2, "clearcoat": 1.0,
+                                  "clearcoat_roughness": 0.1, "opacity": 0.7},
 }  # fmt: skip
+
+
+PITCHES = 0.01, 0.003, 4
 
 
 def world(**material):
@@ -60,8 +68,9 @@ def camera_rays(count=300, seed=1, spread=0.3):
 def compare(scene, rays, most=2e-5, **options):
     """Both parts are the oracle's, but where rays graze edges."""
     tracer = tracer_of(scene, specular=True)
-    found = follow(tracer._on_device, *rays, 0.0, **options)
-    expected = trace_paths(scene, *rays, 0.3, **options)
+    found = follow(tracer._on_device, *rays, 0.0, pitches=PITCHES, **options)
+    numbers = ray_numbers(*rays, *PITCHES[:2], bits=2)
+    expected = trace_paths(scene, *rays, 0.3, numbers=numbers, **options)
     parts = (
         (found.own, expected.own, found.own_depth, expected.own_inverse_depth),
         (found.specular, expected.specular, found.specular_depth, expected.inverse_depth),
@@ -247,11 +256,12 @@ def test_shadows_have_the_colours_of_stained_glass():
     assert (expected.max(0) - expected.min(0)).min() > 0.1
 
 
-def test_paths_have_the_same_bits_in_all_lanes(device):
+@pytest.mark.parametrize("kind", ["absorbing", "rough coat on rough metal"])
+def test_paths_have_the_same_bits_in_all_lanes(device, kind):
     rays, bits = camera_rays(700), []
     for lanes in (1, 4, 8, 16):
         tracer = tracer_of(
-            world(**KINDS["absorbing"]), open_device(device.name, lanes=lanes), specular=True
+            world(**KINDS[kind]), open_device(device.name, lanes=lanes), specular=True
         )
         bits.append(
             np.concatenate([part.ravel() for part in follow(tracer._on_device, *rays, 0.01)])

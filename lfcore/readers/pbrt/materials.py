@@ -17,7 +17,7 @@ from lfcore.readers.pbrt.lexer import Place
 from lfcore.readers.pbrt.parameters import ParameterSet
 from lfcore.readers.pbrt.spectra import METALS, metal_reflectance, parameter_rgb
 from lfcore.readers.pbrt.textures import Texture, TextureTable, constant
-from lfcore.scene.needs import DIELECTRIC, MIRROR_ROUGHNESS
+from lfcore.scene.needs import DIELECTRIC, MIRROR_ROUGHNESS, TRACED_ROUGHNESS
 from lfcore.scene.surface_mesh import Surface
 
 METAL_DIFFUSE = 0.4
@@ -56,9 +56,16 @@ class Look:
 MIRROR: dict[str, Any] = {"metallic": 1.0, "roughness": 0.0}
 
 
-def is_smooth(alpha: float) -> bool:
+def is_traced(alpha: float) -> bool:
     """Whether the tracer follows what microfacets of this width reflect."""
-    return math.sqrt(alpha) <= MIRROR_ROUGHNESS
+    return math.sqrt(alpha) <= TRACED_ROUGHNESS
+
+
+def _coat(strength: float, alpha: float) -> dict[str, Any]:
+    """The fields of a coat, if it is traced."""
+    if not is_traced(alpha) or not strength:
+        return {}
+    return {"clearcoat": min(strength, 1.0), "clearcoat_roughness": math.sqrt(alpha)}
 
 
 def roughness_to_alpha(roughness: float) -> float:
@@ -155,7 +162,7 @@ class MaterialTable:
         gloss = self._weights(parameters, "Ks", default)
         alpha = self._alpha(parameters, 0.1)
         coat = float(gloss.max()) * reflectance / DIELECTRIC
-        fields = {"clearcoat": min(coat, 1.0)} if coat and is_smooth(alpha) else {}
+        fields = _coat(coat, alpha)
         if fields and coat > 1:
             parameters.approximated("a coat of index 1.5")
         return Look(diffuse, *lobe(gloss * reflectance, alpha), fields)
@@ -163,8 +170,7 @@ class MaterialTable:
     def _coated(self, parameters: ParameterSet) -> Look:
         diffuse = self.textures.colour(parameters, "reflectance", 0.5)
         alpha = self._alpha(parameters, 0.0, True)
-        fields = {"clearcoat": 1.0} if is_smooth(alpha) else {}
-        return Look(diffuse, *lobe(np.full(3, DIELECTRIC), alpha), fields)
+        return Look(diffuse, *lobe(np.full(3, DIELECTRIC), alpha), _coat(1.0, alpha))
 
     def _uber(self, parameters: ParameterSet) -> Look:
         mirrored, passed = (self._weights(parameters, name, 0.0) for name in ("Kr", "Kt"))
@@ -175,7 +181,7 @@ class MaterialTable:
         if np.ptp(opacity):
             parameters.approximated("opacity without colour")
         if mirrored.any():
-            fields["clearcoat"] = float(mirrored.max())
+            fields |= {"clearcoat": float(mirrored.max()), "clearcoat_roughness": 0.0}
         diffuse = look.diffuse
         if passed.any():
             # The colours of both are their sum, shared so that the mean light of each is right.
@@ -193,7 +199,7 @@ class MaterialTable:
         if not np.allclose(mirrored, 1):
             parameters.approximated("all light that Fresnel's equations reflect (Kr)")
         version4 = "dielectric" in parameters.owner
-        if not is_smooth(self._alpha(parameters, 0.0, version4)):
+        if math.sqrt(self._alpha(parameters, 0.0, version4)) > MIRROR_ROUGHNESS:
             parameters.approximated("smooth instead")
         thin = "thindielectric" in parameters.owner
         fields = {"transmission": 1.0, "ior": self._index(parameters), "thin_walled": thin}
@@ -242,8 +248,8 @@ class MaterialTable:
         version4 = "conductor" in parameters.owner
         alpha = self._alpha(parameters, 0.0 if version4 else 0.01, version4)
         reflectance = self._metal_colour(parameters)
-        if is_smooth(alpha):
-            return Look(constant(reflectance), fields=MIRROR)
+        if is_traced(alpha):
+            return Look(constant(reflectance), fields=MIRROR | {"roughness": math.sqrt(alpha)})
         return Look(_metal_diffuse(parameters, reflectance), *lobe(reflectance, alpha))
 
     def _metal_colour(self, parameters: ParameterSet) -> np.ndarray:

@@ -189,7 +189,8 @@ KERNEL void trace_paths(trace_paths_PARAMETERS)
     for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
         const Range range = rays_of(number, ray_numbers.columns);
         const int first = range.first, count = range.end - first;
-        begin_paths(&memory->paths, origins + 3 * first, directions + 3 * first, count);
+        begin_paths(&memory->paths, origins + 3 * first, directions + 3 * first, count,
+                    &path_numbers);
         follow_paths(&followed, count, triangle ? triangle + first : 0, &pipeline);
         write_seen(&memory->paths, count, seen + first);
     }

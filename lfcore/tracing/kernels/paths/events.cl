@@ -11,6 +11,7 @@
 #pragma once
 #include "fresnel.cl"
 #include "own_light.cl"
+#include "rough.cl"
 
 // The volumes that a ray is in, the last one first: materials, -1 none.
 typedef struct { vi first, second; } Media;
@@ -41,10 +42,50 @@ inline vf index_of(const Scene *scene, vi media)
 typedef struct {
     Vec mirrored, passed;
     vf own;      // the share of the surface's own light
+    vf opacity;
     vf eta;      // index in front over that behind
+    vi mirrors, rough;  // whether the base mirrors rays, and whether it scatters them a little
     vi goes_on;  // whether a ray goes on
     Media behind;
 } Events;
+
+inline int has_traced_coat(const Material *m)
+{
+    return m->record.clearcoat > 0.0f && m->record.clearcoat_roughness <= TRACED_ROUGHNESS;
+}
+
+// The squared roughness of a coat that is traced; 0 for a plain mirror.
+inline float rough_coat(const Material *m)
+{
+    const float roughness = m->record.clearcoat_roughness;
+    return has_traced_coat(m) && roughness > MIRROR_ROUGHNESS ? roughness * roughness : 0.0f;
+}
+
+inline vf metal_of(const Surface *s) { return is_metallic(s->material) ? s->metallic : (vf)(0.0f); }
+
+// The reflectance of the dielectric at a cosine.
+inline vf sharp_at(const Surface *s, const Events *e, vf cosine)
+{
+    const vf sharp = dielectric(cosine, e->eta);
+    const MaterialRecord *m = &s->material->record;
+    return m->transmission > 0.0f && m->thin_walled ? 2.0f * sharp / (1.0f + sharp) : sharp;
+}
+
+// The reflectance of the base at a cosine and its `sharp`.
+inline Vec base_reflectance(const Surface *s, const Events *e, vf cosine, vf sharp)
+{
+    const vf off = max(1.0f - cosine, (vf)(0.0f)), off2 = off * off, grazing = off2 * off2 * off;
+    const vf metal = metal_of(s);
+    Vec reflected = scale3(fma3(grazing, minus3(spread3(1.0f), s->albedo), s->albedo), metal);
+    reflected = fma3((1.0f - metal) * sharp, spread3(1.0f), reflected);
+    return pick3(spread3(0.0f), reflected, e->mirrors);
+}
+
+inline vf coat_share(const Surface *s, vf cosine)
+{
+    if (!has_traced_coat(s->material)) return 0.0f;
+    return s->material->record.clearcoat * dielectric(cosine, (vf)(1.0f / COAT));
+}
 
 // `media` are those in front, `front` is the mask of rays that meet the front.
 inline Events find_events(const Scene *scene, int number, vf opacity, Media media, vi front,
@@ -52,11 +93,12 @@ inline Events find_events(const Scene *scene, int number, vf opacity, Media medi
 {
     const MaterialRecord *m = &s->material->record;
     const int physical = is_metallic(s->material), glass = m->transmission > 0.0f;
-    const vf metal = physical ? s->metallic : (vf)(0.0f);
-    const vi mirrors = glass ? (vi)(-1) : physical ? LE(s->roughness, (vf)(MIRROR_ROUGHNESS)) : (vi)(0);
-    const int coat = m->clearcoat > 0.0f && m->clearcoat_roughness <= MIRROR_ROUGHNESS;
-    const vf cosine = dot3(s->normal, s->to_viewer);
-    Events e = {.eta = 1.0f / m->ior, .behind = media};
+    const int coat = has_traced_coat(s->material);
+    const vf metal = metal_of(s), cosine = dot3(s->normal, s->to_viewer);
+    Events e = {.opacity = opacity, .eta = 1.0f / m->ior, .behind = media,
+                .mirrors = glass ? (vi)(-1)
+                    : physical ? LE(s->roughness, (vf)(TRACED_ROUGHNESS)) : (vi)(0)};
+    e.rough = e.mirrors & (glass ? (vi)(0) : GT(s->roughness, (vf)(MIRROR_ROUGHNESS)));
     if (is_volume(s->material)) {
         const Media left = without(media, number);
         const vf around = index_of(scene, pick_int(left.first, media.first, front));
@@ -64,26 +106,53 @@ inline Events find_events(const Scene *scene, int number, vf opacity, Media medi
         e.behind.first = pick_int(left.first, (vi)(number), front);
         e.behind.second = pick_int(left.second, media.first, front);
     }
-    vf sharp = dielectric(cosine, e.eta);
-    if (glass && m->thin_walled) sharp = 2.0f * sharp / (1.0f + sharp);
-    const vf off = max(1.0f - cosine, (vf)(0.0f)), off2 = off * off, grazing = off2 * off2 * off;
-    const Vec base = s->albedo, white = spread3(1.0f);
-    Vec reflected = scale3(fma3(grazing, minus3(white, base), base), metal);
-    reflected = fma3((1.0f - metal) * sharp, white, reflected);
-    reflected = pick3(spread3(0.0f), reflected, mirrors);
-    const vf shield = coat ? m->clearcoat * dielectric(cosine, (vf)(1.0f / COAT)) : (vf)(0.0f);
+    const vf sharp = sharp_at(s, &e, cosine), shield = coat_share(s, cosine);
+    const Vec white = spread3(1.0f);
     e.own = opacity * (1.0f - shield);
-    e.mirrored = fma3(e.own, reflected, scale3(white, opacity * shield));
+    e.mirrored = fma3(e.own, base_reflectance(s, &e, cosine, sharp),
+                      scale3(white, opacity * shield));
     const vf through = e.own * (1.0f - metal) * m->transmission * (1.0f - sharp);
-    e.passed = fma3(through, base, scale3(white, 1.0f - opacity));
+    e.passed = fma3(through, s->albedo, scale3(white, 1.0f - opacity));
     const vf most = max(max(max(e.mirrored.x, e.mirrored.y), max(e.mirrored.z, e.passed.x)),
                         max(e.passed.y, e.passed.z));
     e.goes_on = GT(most, (vf)(0.0f));
-    const vf scattered = (1.0f - metal) * (1.0f - pick((vf)(0.0f), sharp, mirrors));
+    const vf scattered = (1.0f - metal) * (1.0f - pick((vf)(0.0f), sharp, e.mirrors));
     s->lacking = (Lacking){
         .matt = 1.0f - m->transmission, .scattered = scattered * (1.0f - m->transmission),
-        .glossy = physical ? ~mirrors : (vi)(0), .dull = mirrors | (vi)(coat && !physical ? -1 : 0)};
+        .glossy = physical ? ~e.mirrors : (vi)(0),
+        .dull = e.mirrors | all_if(coat && !physical),
+        .rough = e.rough | all_if(rough_coat(s->material) > 0.0f)};
     return e;
+}
+
+inline vf mean_of(Vec a) { return (a.x + a.y + a.z) * (1.0f / 3.0f); }
+
+// Let rays of rough mirrors meet a microfacet of the base or of the coat, by two numbers of a ray.
+// Its normal takes the place of `normal`, and its share that of both, divided by the chance that it
+// is met.  Returns the spread of the part of the lobe that a ray stands for; 0 for plain mirrors.
+inline vf meet_facets(const Surface *s, const vf number[2], Events *e, Vec *normal)
+{
+    const float of_coat = rough_coat(s->material);
+    const vi rough = e->rough | all_if(of_coat > 0.0f);
+    if (!row_any(rough)) return 0.0f;
+    const vf least = NOTHING_LEFT, cosine = max(dot3(*normal, s->to_viewer), least);
+    const vf shield = e->opacity * coat_share(s, cosine);
+    const vf chance = min(shield / max(mean_of(e->mirrored), least), (vf)(1.0f));
+    const vi coat = LT(number[1], chance);
+    const vf share = max(pick(1.0f - chance, chance, coat), least);
+    const vf rest = (number[1] - pick(chance, (vf)(0.0f), coat)) / share;
+    const vf of_base = pick((vf)(0.0f), s->roughness * s->roughness, e->rough);
+    const vf alpha = pick(of_base, (vf)(of_coat), coat);
+    const Vec facet = find_facet(*normal, s->to_viewer, alpha, number[0], min(rest, (vf)(1.0f)));
+    const vf seen = dot3(facet, s->to_viewer), up = dot3(facet, *normal);
+    const vf leaving = fma(2.0f * seen, up, -cosine);
+    const Vec base = scale3(base_reflectance(s, e, seen, sharp_at(s, e, seen)), e->own);
+    const vf of_both = e->opacity * coat_share(s, seen);
+    const Vec shown = pick3(base, (Vec){of_both, of_both, of_both}, coat);
+    const vf kept = pick((vf)(0.0f), unhidden(leaving, alpha) / share, GT(leaving, least));
+    e->mirrored = pick3(e->mirrored, scale3(shown, kept), rough);
+    *normal = pick3(*normal, facet, rough);
+    return pick((vf)(0.0f), LOBE_PART * lobe_width(cosine, up, alpha), rough);
 }
 
 // The own light of surfaces in the share `own`, and all of it where no ray goes `on`.

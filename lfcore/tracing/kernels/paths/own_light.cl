@@ -37,7 +37,8 @@ inline void add_own_light(global const LightRecord *light, const Surface *s, vi 
 {
     Vec matt, shine;
     reflect_parts(light, s, seeing, &matt, &shine);
-    if (light->visible) shine = pick3(shine, spread3(0.0f), s->lacking.dull);
+    const vi dull = s->lacking.dull & (light->is_point ? (vi)(-1) : ~s->lacking.rough);
+    if (light->visible) shine = pick3(shine, spread3(0.0f), dull);
     *sum = plus3(*sum, times3(fma3(s->lacking.matt, matt, shine), colour));
 }
 

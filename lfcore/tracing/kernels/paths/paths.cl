@@ -21,6 +21,8 @@ typedef struct {
     int passes;        // whether it did not turn back at the last surface
     int media[2];      // materials of the volumes it is in, the last one first; -1: none
     int last[2];       // the triangles it met last; -1: none
+    uint number[2];    // see numbers_of
+    float spread, blur;  // of what rough mirrors show: tangent, and width at the origin
     float origin[3], direction[3], weight[3];
     float point[MOVES][3], turn[MOVES][3];  // see differentials.cl
 } Path;
@@ -58,7 +60,7 @@ typedef struct {
 
 // Begin the paths of `count` rays from the lens, from (s, t, 0) in direction (x, y, 1).
 inline void begin_paths(global PathMemory *m, global const float *origins,
-                        global const float *directions, int count)
+                        global const float *directions, int count, const PathArguments *n)
 {
     for (int ray = 0; ray < count; ++ray) {
         const int number = m->lists[0][ray] = BRANCHES * ray;
@@ -72,6 +74,7 @@ inline void begin_paths(global PathMemory *m, global const float *origins,
         vstore3(unit, 0, path->direction);
         vstore3(inverse * ((float3)(1, 0, 0) - unit.x * unit), 0, path->turn[2]);
         vstore3(inverse * ((float3)(0, 1, 0) - unit.y * unit), 0, path->turn[3]);
+        if (ROUGH) vstore2(numbers_of(vload3(ray, origins), d, n), 0, path->number);
         m->own[ray] = (Arrived){.strength = 0.0f};
         for (int k = 0; k < BRANCHES; ++k) m->shown[number + k] = (Arrived){.strength = 0.0f};
     }
@@ -82,7 +85,10 @@ inline float width_at(global const Path *path, float distance, float pixel_pitch
 {
     const float3 x = vload3(0, path->point[2]) + distance * vload3(0, path->turn[2]);
     const float3 y = vload3(0, path->point[3]) + distance * vload3(0, path->turn[3]);
-    return pixel_pitch * sqrt(fabs(inner_product(cross_product(x, y), vload3(0, path->direction))));
+    const float area = fabs(inner_product(cross_product(x, y), vload3(0, path->direction)));
+    if (!ROUGH || path->spread == 0.0f) return pixel_pitch * sqrt(area);
+    const float blur = fma(path->spread, distance, path->blur);
+    return sqrt(fma(pixel_pitch * pixel_pitch, area, blur * blur));
 }
 
 inline Hit hit_of(const Paths *p, global const Path *path)
@@ -128,6 +134,7 @@ typedef struct {
     Media media;
     Differentials moves;
     int branch[LANES];  // their numbers
+    vf number[2], spread, blur;  // ROUGH: from 0 to 1; and as those of a path
 } PathRow;
 
 inline void set_lane(vf *row, int k, float x) { ((float *)row)[k] = x; }
@@ -152,6 +159,10 @@ inline void read_paths(const Paths *p, int at, PathRow *r)
         last[k] = path->last[0];
         media[0][k] = path->media[0];
         media[1][k] = path->media[1];
+        for (int j = 0; ROUGH && j < 2; ++j)
+            set_lane(r->number + j, k, (path->number[j] >> 8) * 0x1p-24f);
+        if (ROUGH) set_lane(&r->spread, k, path->spread);
+        if (ROUGH) set_lane(&r->blur, k, path->blur);
     }
     r->events = VLOAD(events);
     r->hits = VLOAD(hits);
@@ -178,6 +189,7 @@ inline void reach_surfaces(const Paths *p, int at, vi mine, PathRow *r, Triangle
     r->front = LT(dot3(n, r->direction), (vf)(0.0f));
     r->plane = turn_vectors(n, ~r->front & (vi)(0x80000000));
     move_on(&r->moves, r->distance, r->direction, r->plane);
+    if (ROUGH) r->blur = fma(r->spread, r->distance, r->blur);
 }
 
 // Light arrives at the rays in `mask`; a share of theirs ends here.
@@ -231,6 +243,10 @@ inline void send_on(Paths *p, const PathRow *r, vi mask, int way, int at, int ev
         to->media[1] = media_[1][k];
         to->last[0] = triangle[k];
         to->last[1] = last[k];
+        for (int j = 0; ROUGH && j < 2; ++j)
+            to->number[j] = p->memory->branch[r->branch[k]].number[j] * (event ? 5u : 1u);
+        to->spread = ROUGH ? ((const float *)&r->spread)[k] : 0.0f;
+        to->blur = ROUGH ? ((const float *)&r->blur)[k] : 0.0f;
         vstore3(ray_vector(&point, k), 0, to->origin);
         vstore3(ray_vector(&direction, k), 0, to->direction);
         vstore3(ray_vector(&weight, k), 0, to->weight);
@@ -278,8 +294,6 @@ inline void send_passed(Paths *p, const PathRow *r, vi mask, int at, Vec normal,
     const Vec passed = pick3(directions_of(refracted(d, normal, eta)), d, EQ(eta, (vf)(1.0f)));
     send_on(p, r, mask, PASSED, at, 1, passed, weight, media, &moves);
 }
-
-inline vf mean_of(Vec a) { return (a.x + a.y + a.z) * (1.0f / 3.0f); }
 
 // Send the idle rays on, straight.
 inline void pass_idle(Paths *p, const PathRow *r, const Material *m, int material, int at,
@@ -333,19 +347,22 @@ inline void meet_row(Paths *p, int material, int at, vi mine, Surface *s)
     const vi idle = find_idle(r.front, r.media, s->material, material, opacity);
     pass_idle(p, &r, s->material, material, at, mine & idle);
     const int volume = is_volume(s->material);
-    const Events e = find_events(p->scene, material, opacity, r.media, r.front, s);
+    Events e = find_events(p->scene, material, opacity, r.media, r.front, s);
+    const Vec white = spread3(1.0f), kept = minus3(white, plus3(e.mirrored, e.passed));
+    Vec normal = s->normal;
+    const vf spread = ROUGH ? meet_facets(s, r.number, &e, &normal) : (vf)(0.0f);
     const Children c = choose_children(p, &r, &e, volume, mine & ~idle);
     const Vec light = p->known ? spread3(0.0f) : shared_light(p->scene, s, p->lit, at, e.own, c.on);
-    const Vec white = spread3(1.0f), kept = minus3(white, plus3(e.mirrored, e.passed));
     arrive(p, &r, mine & ~idle, light, pick3(white, kept, c.on), c.cut, 0);
     if (!row_any(c.on)) return;
     Vec bends[MOVES];
     find_bends(p->scene, &triangles, r.corner, r.weights, s->normal, &r.moves, bends);
-    if (row_any(c.child[MIRRORED]))
-        send_mirrored(p, &r, c.child[MIRRORED], at, s->normal, bends, c.weight[MIRRORED]);
     if (row_any(c.child[PASSED]))
         send_passed(p, &r, c.child[PASSED], at, s->normal, bends, c.weight[PASSED],
                     volume ? e.eta : (vf)(1.0f), e.behind);
+    if (ROUGH) r.spread = sqrt(fma(spread, spread, r.spread * r.spread));
+    if (row_any(c.child[MIRRORED]))
+        send_mirrored(p, &r, c.child[MIRRORED], at, normal, bends, c.weight[MIRRORED]);
 }
 
 // The light of the background or of the sky arrives at rays that miss.
@@ -359,6 +376,7 @@ inline void arrive_beyond(const Paths *p)
         read_paths(p, at, &r);
         Vec light = spread3(vload3(0, p->scene->numbers->background));
         if (SKY) light = sky_row(p->scene, r.direction, row_bits(missed));
+        if (SKY && ROUGH) blur_sky(p->scene, r.direction, r.spread, row_bits(missed), &light);
         arrive(p, &r, missed, light, spread3(1.0f), (vf)(0.0f), 1);
     }
 }

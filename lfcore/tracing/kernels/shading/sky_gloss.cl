@@ -39,6 +39,21 @@ inline float4 lobe_of(global const float *gloss, float3 mirrored, float roughnes
     return sharp + (level - k) * (gloss_between(gloss, k + 1, mirrored) - sharp);
 }
 
+// Let the rays in `bits` that spread read the sky as wide as that, without its suns.  The lobe of a
+// roughness r covers the solid angle 4 pi r^4.
+inline void blur_sky(const Scene *s, Vec d, vf spread, uint bits, Vec *light)
+{
+    const int side = s->numbers->sky_side;
+    for (uint left = bits; left; left &= left - 1) {
+        const uint k = lowest(left);
+        const float wide = ((const float *)&spread)[k];
+        if (!(wide > 0.0f)) continue;
+        const float roughness = min(sqrt(wide * 0.28209479f), 1.0f);
+        const float4 blurred = lobe_of(s->sky + 4 * side * side, ray_vector(&d, k), roughness);
+        set_ray_vector(light, k, blurred.xyz);
+    }
+}
+
 // The least irradiance of the open sky that others are divided by.
 #define LEAST_SKY 1e-20f
 // The largest factor of a normal map on baked light: seams of normals must not look like emitters.

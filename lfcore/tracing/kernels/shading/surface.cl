@@ -7,9 +7,10 @@
 typedef struct { MaterialRecord record; MipLevel maps[MAPS]; } Material;
 
 // What the own light of surfaces lacks, because other rays bring it: factors of the diffuse
-// reflection of lights, and of surroundings; masks of metals that reflect their surroundings, and of
-// surfaces without highlights of lights that mirrored rays meet.
-typedef struct { vf matt, scattered; vi glossy, dull; } Lacking;
+// reflection of lights, and of surroundings; masks of metals that reflect their surroundings, of
+// surfaces without highlights of lights that mirrored rays meet, and of those whose rays, spread by
+// roughness, meet no suns.
+typedef struct { vf matt, scattered; vi glossy, dull, rough; } Lacking;
 
 // The surfaces of a row of rays with one material, which are shaded together.
 typedef struct {

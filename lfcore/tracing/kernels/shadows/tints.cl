@@ -74,7 +74,7 @@ inline float3 pass_triangle(const Shadows *s, int id, float3 point, float3 weigh
     float reflected = reflectance(cosine, 1.0f / m->ior);
     if (m->thin_walled) reflected = 2.0f * reflected / (1.0f + reflected);
     else *absorbed = (slant < 0.0f ? -1.0f : 1.0f) * vload3(0, m->absorption);
-    const int coat = m->clearcoat > 0.0f && m->clearcoat_roughness <= MIRROR_ROUGHNESS;
+    const int coat = m->clearcoat > 0.0f && m->clearcoat_roughness <= TRACED_ROUGHNESS;
     const float shield = coat ? m->clearcoat * reflectance(cosine, 1.0f / COAT) : 0.0f;
     const float metal = max(m->metallic, 0.0f) *
                         (PHYSICAL ? texture_at(scene, id, MAP_METAL, weights).z : 1.0f);
