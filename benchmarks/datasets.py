@@ -19,8 +19,8 @@ from benchmarks.quality import true_picture
 from benchmarks.results import report, say
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.datasets import views
+from lfcore.datasets.batches import make_batch
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import make_batch
 from lfcore.datasets.metering import metered
 from lfcore.datasets.sample import sample
 from lfcore.datasets.stacks import Stacks

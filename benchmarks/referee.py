@@ -29,7 +29,7 @@ from benchmarks.results import report, say
 from benchmarks.teach import NEAR_PX, near_edges
 from lfcore.colour import display_values
 from lfcore.datasets import views
-from lfcore.datasets.items import blur_px
+from lfcore.datasets.kinds import blur_px
 from lfcore.evaluation.metrics import decibels, psnr
 from lfcore.optics import bundles
 from lfcore.optics.planes import SensorPlane

@@ -27,7 +27,8 @@ from benchmarks.peers.method import check_installed
 from benchmarks.results import report, said
 from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import blur_px, make_item
+from lfcore.datasets.items import make_item
+from lfcore.datasets.kinds import blur_px
 from lfcore.datasets.sample import lens_of
 from lfcore.errors import OpticsError, SceneError
 from lfcore.opencl.device import open_device

@@ -9,7 +9,7 @@ from scipy.ndimage import convolve
 from benchmarks import teach
 from benchmarks.peers import convolved
 from benchmarks.referee_scenes import BLUR_PX, with_lens
-from lfcore.datasets.items import blur_px
+from lfcore.datasets.kinds import blur_px
 from tests.plain_scenes import scene, wall
 
 SHARP = np.random.default_rng(3).random((24, 24, 3)).astype(np.float32)

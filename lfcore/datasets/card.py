@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 
 from lfcore import __version__
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS
+from lfcore.datasets.items import DEPTH_BINS
+from lfcore.datasets.kinds import BLUR_BINS
 from lfcore.datasets.stored import StoredItem, stored_items
 from lfcore.errors import SceneError
 from lfcore.evaluation.figures import save_figure

@@ -111,7 +111,7 @@ def make_dataset(
     _check_place(folder)
     make_folder(folder)
     description.check_files(folder)
-    from lfcore.datasets.items import made_of
+    from lfcore.datasets.batches import made_of
 
     sources, per_job = description.sources(), description.scenes_per_job
     # Complete jobs of a killed run of the same scenes are kept.
@@ -146,7 +146,7 @@ Job = tuple["Description", range, Path, Path, str]
 
 def _run(jobs: Sequence[Job], processes: int, device: Device | str | None) -> Iterator[None]:
     """Run jobs, in processes of one thread if there are several; yield after each."""
-    from lfcore.datasets.items import run_batch
+    from lfcore.datasets.batches import run_batch
 
     if processes <= 1:
         for job in jobs:

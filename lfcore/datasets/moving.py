@@ -21,14 +21,12 @@ from lfcore.scene.transforms import affine
 
 if TYPE_CHECKING:
     from lfcore.datasets.description import Frames
-    from lfcore.datasets.sample import Draw
+    from lfcore.datasets.draws import Draw
     from lfcore.datasets.shapes import Shape
+    from lfcore.datasets.space import Space
 
-Fits = Callable[[np.ndarray, float, Sequence[tuple[np.ndarray, float]]], bool]
-"""Whether a sphere, by middle and radius, has a place in the picture beside other spheres."""
 TRIES = 20
 """The velocities that are tried before an object turns in its place."""
-
 CHECKED = 16
 """The most instants at which places are checked."""
 
@@ -94,7 +92,7 @@ class Movement:
 
 def movements(
     draw: Draw, things: Sequence[Thing], owners: np.ndarray, kept: Sequence[np.ndarray],
-    to_camera: np.ndarray, *, upright: bool, fits: Fits | None,
+    to_camera: np.ndarray, *, upright: bool, space: Space | None,
 ) -> tuple[Movement, ...]:  # fmt: skip
     """Draw the movements of objects.
 
@@ -103,7 +101,7 @@ def movements(
     owners, kept : of each triangle of the scene the object, and of each thing which triangles of
         its parts the scene has.
     upright : whether things move along the floor and turn about the vertical.
-    fits : which places they may reach; None: they turn where they are.
+    space : where they may go; None: they turn where they are.
     """
     frames = draw.description.frames
     times = np.linspace(0, frames.times[-1], min(frames.count, CHECKED + 1))[1:]
@@ -117,11 +115,11 @@ def movements(
         axis = np.array([0.0, 1.0, 0.0]) if upright else _direction(draw.rng)
         turns[thing.number] = axis * np.radians(draw.span(frames.turn_deg)) * draw.pick((-1, 1))
         speed = 2 * thing.radius * draw.span(frames.speed)
-        for _ in range(TRIES if fits else 0):
+        for _ in range(TRIES if space else 0):
             way = _direction(draw.rng) * (1, 0 if upright else 1, 1)
             velocity = speed * way / np.linalg.norm(way)
-            if fits and all(
-                fits(thing.middle + time * velocity, thing.radius, [
+            if space and all(
+                space.fits(thing.middle + time * velocity, thing.radius, [
                     (other.middle + time * velocities[other.number], other.radius)
                     for other in things if other is not thing
                 ]) for time in times

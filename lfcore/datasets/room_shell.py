@@ -21,7 +21,7 @@ from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all, tripl
 from lfcore.scene.transforms import rotate, translate
 
 if TYPE_CHECKING:
-    from lfcore.datasets.sample import Draw
+    from lfcore.datasets.draws import Draw
 
 TRIES = 30
 """The positions that are tried before a thing is left out."""

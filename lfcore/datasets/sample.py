@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lfcore.datasets import room_views, rooms
-from lfcore.datasets.looks import Looks
-from lfcore.datasets.moving import Fits, Movement, Thing, animated, movements
-from lfcore.datasets.shapes import Shape, builder, mesh
+from lfcore.datasets.draws import Draw
+from lfcore.datasets.moving import Movement, Thing, animated, movements
+from lfcore.datasets.shapes import Shape
+from lfcore.datasets.space import Space
 from lfcore.errors import SettingsError
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
@@ -28,7 +29,7 @@ from lfcore.scene.procedural.basics import Parts
 from lfcore.scene.procedural.primitives import rectangle
 from lfcore.scene.sky import with_sky
 from lfcore.scene.surface_mesh import triple
-from lfcore.scene.transforms import look_at, rotate, scale, translate
+from lfcore.scene.transforms import look_at, scale, translate
 
 if TYPE_CHECKING:
     from lfcore.datasets.description import Description
@@ -93,7 +94,7 @@ def sample(source: Description | str | Path | Mapping[str, Any], index: int) -> 
     seeds = np.random.SeedSequence(description.seed, spawn_key=(1 << 30, index))
     rng = np.random.Generator(np.random.Philox(seeds))
     split = description.split(index) if description.split_by == "mesh" else ""
-    return Draw(description, rng, split).sample(index)
+    return SceneDraw(description, rng, split).sample(index)
 
 
 def described(source: Description | str | Path | Mapping[str, Any]) -> Description:
@@ -143,8 +144,8 @@ def _owners(owners: list[int], parts: Parts, kept: np.ndarray) -> np.ndarray:
     return np.repeat(np.array(owners, np.int32), [part.count for part in parts])[kept]
 
 
-class Draw(Looks):
-    """The random draws of one scene.  In world space y is up; the camera is above the origin."""
+class SceneDraw(Draw):
+    """The random draws of a whole scene; the camera is above the world's origin."""
 
     def sample(self, index: int) -> Sample:
         keys = self.description
@@ -157,9 +158,10 @@ class Draw(Looks):
         height = self.span((min(2 * low, high), high, "log")) * math.sin(pitch)
         ahead = (0.0, height - math.sin(pitch), -math.cos(pitch))
         to_camera = look_at((0, height, 0), ahead)
+        space = Space(to_camera, self.field(camera), low / 2, wall)
         parts = self._backdrop(wall, height, resting)
         names, owners, things = [], [0] * len(parts), list[Thing]()
-        for shape, matrix in self._placed(camera, to_camera, wall, height if resting else None):
+        for shape, matrix in self._placed(camera.field_width, space, resting):
             parts += [part.transformed(matrix) for part in self.dressed(shape)]
             names.append(shape.name)
             owners += [len(names)] * len(shape.parts)
@@ -177,12 +179,9 @@ class Draw(Looks):
         scene = with_sky(scene, ends, to_camera, file=scene.name, gradient_side=SKY_SIDE)
         scene = within_limits(scene, scene.name)
 
-        def fits(middle: np.ndarray, radius: float, others: Any) -> bool:
-            return self._fits(middle, radius, others, camera, to_camera, wall)
-
         drawn = Sample(scene, names, self.dropped, _owners(owners, parts, made.kept))
         made_of = np.repeat(owners, [part.count for part in parts]), made.kept
-        return self._moving(index, drawn, things, made_of, to_camera, resting, fits)
+        return self._moving(index, drawn, things, made_of, to_camera, resting, space)
 
     def _room(self, index: int, camera: Camera, focus_m: tuple[float, ...]) -> Sample:
         room = rooms.Room(self)
@@ -206,7 +205,7 @@ class Draw(Looks):
     def _moving(
         self, index: int, drawn: Sample, things: Sequence[Thing],
         made_of: tuple[np.ndarray, np.ndarray], to_camera: np.ndarray, upright: bool,
-        fits: Fits | None,
+        space: Space | None,
     ) -> Sample:  # fmt: skip
         """Return the scene with drawn movements, if something moves; ``made_of`` has the
         owner of each triangle of the parts, and which are kept."""
@@ -217,70 +216,36 @@ class Draw(Looks):
         draw = Draw(self.description, np.random.Generator(np.random.Philox(seeds)))
         masks = [kept[all_owners == thing.number] for thing in things]
         moves = movements(
-            draw, things, drawn.owners, masks, to_camera, upright=upright, fits=fits
+            draw, things, drawn.owners, masks, to_camera, upright=upright, space=space
         )  # fmt: skip
         return drawn._replace(scene=animated(drawn.scene, moves, frames), moves=moves)
 
     def _placed(
-        self, camera: Camera, to_camera: np.ndarray, wall: float, floor: float | None
+        self, field_width: float, space: Space, resting: bool
     ) -> list[tuple[Shape, np.ndarray]]:
         """Draw shapes and their poses in the world; their spheres are disjoint."""
         from trimesh.transformations import random_rotation_matrix
 
-        place, to_world = self.description.placement, np.linalg.inv(to_camera)
+        place, to_world = self.description.placement, np.linalg.inv(space.to_camera)
         placed: list[tuple[Shape, np.ndarray]] = []
         spheres: list[tuple[np.ndarray, float]] = []
         for _ in range(round(self.span(place.objects))):
             shape = self.shape()
             for _ in range(TRIES):
                 depth = self.span(place.depth_m)
-                radius = self.span(place.size) * camera.field_width * depth / 2
-                x, y = (self.rng.random(2) - 0.5) * self.field(camera) * depth
+                radius = self.span(place.size) * field_width * depth / 2
+                x, y = (self.rng.random(2) - 0.5) * space.field * depth
                 centre = (to_world @ (x, y, depth, 1))[:3]
                 pose = random_rotation_matrix(self.rng.random(3))  # uniform
-                if floor is not None:
+                if resting:
                     pose = self.pose_at_rest(shape)
                     centre[1] = radius * pose[1, 3]
                     pose = translate(0, -pose[1, 3], 0) @ pose
-                if self._fits(centre, radius, spheres, camera, to_camera, wall):
+                if space.fits(centre, radius, spheres):
                     spheres.append((centre, radius))
                     placed.append((shape, translate(*centre) @ scale(radius) @ pose))
                     break
         return placed
-
-    def _fits(
-        self, centre: np.ndarray, radius: float, spheres: list[tuple[np.ndarray, float]],
-        camera: Camera, to_camera: np.ndarray, wall: float,
-    ) -> bool:  # fmt: skip
-        """Return whether a sphere is visible, not too near, before the wall, and meets no other."""
-        x, y, z = (to_camera @ (*centre, 1))[:3]
-        seen = (np.abs((x, y)) <= self.field(camera) * z / 2).all()
-        room = (
-            z - radius >= self.description.placement.depth_m[0] / 2 and -centre[2] + radius <= wall
-        )
-        return bool(seen and room) and all(
-            np.linalg.norm(centre - other) >= radius + size for other, size in spheres
-        )
-
-    def field(self, camera: Camera) -> np.ndarray:
-        """Return width and height of what the camera sees at a distance of 1 m."""
-        size = self.description.size
-        return camera.field_width * np.array(size) / size.shorter
-
-    def shape(self, among: Sequence[str] = ()) -> Shape:
-        """Draw a mesh, or a procedural shape of the description, if possible ``among`` these."""
-        names: Sequence[str] = self.description.shapes.builders
-        names = [name for name in names if name in among] or names
-        if self.meshes and (not names or self.chance(self.description.shapes.share_of_meshes)):
-            return self.picked(mesh, self.meshes)
-        return builder(self.pick(names))
-
-    def pose_at_rest(self, shape: Shape) -> np.ndarray:
-        """Draw a pose on y = 0, turned about the vertical axis through the sphere's middle."""
-        along = np.cumsum(shape.shares / shape.shares.sum())
-        pose = shape.poses[min(int(np.searchsorted(along, self.rng.random())), len(along) - 1)]
-        turn = rotate("y", 360 * float(self.rng.random()))
-        return turn @ translate(-pose[0, 3], 0, -pose[2, 3]) @ pose
 
     def _lights(self, to_camera: np.ndarray, wall: float) -> list[Light]:
         """Draw lights above the scene; points and spots are twice as far from its middle as the

@@ -44,10 +44,6 @@ class LightFieldFile(FileGeometry):
 
     Attributes
     ----------
-    path : Path
-        The file, or a :class:`lfcore.storage.remote.RemoteFile`.
-    metadata : Metadata
-        The file's metadata; of a film those of this instant.
     whole : Metadata
         The metadata of all instants.
     video, depth_video : StoredVideo

@@ -12,11 +12,11 @@ from scipy.io import loadmat
 
 from lfcore import Lattice, ReadOptions, Sensor, SensorPlane, Slab, open_device
 from lfcore.colour import srgb_decode, srgb_encode
-from lfcore.datasets import items, stored, views
-from lfcore.datasets import sample as sampling
+from lfcore.datasets import batches, items, kinds, stored, views
 from lfcore.datasets.card import check_refused, tables
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import lens_of, sample
+from lfcore.datasets.shapes import mesh
 from lfcore.exchange import arrays, hci
 from lfcore.exr import read_exr
 from lfcore.pictures import read_picture
@@ -58,7 +58,7 @@ def test_a_stack_has_the_error_that_is_promised_also_at_its_border(device, tmp_p
     expected = depth_of_views(tracer, Slab(camera, 1, of.pixels))[0]
     assert depth.dtype == np.float16 and np.array_equal(depth[..., 0], expected.astype(np.float16))
     # The border: a blurred picture of a wider field has the same pixels there.
-    wide = items.formed(of.model_copy(update={"quality_db": 44}), tracer, [plane])
+    wide = kinds.formed(of.model_copy(update={"quality_db": 44}), tracer, [plane])
     assert db(found[:3], wide.pictures[0][:3]) > of.quality_db - 4
 
 
@@ -98,7 +98,7 @@ def test_truth_has_normals_albedo_and_numbers_of_objects(device):
     numbers = channels["object"].pixels
     assert numbers.min() == 1 and 3 <= len(np.unique(numbers)) <= len(drawn.objects) + 1
     assert item.record["seen"] == pytest.approx((numbers > 1).mean(), abs=1e-3)
-    blur = items.blur_px(drawn.scene.camera, 48, channels["depth_m"].pixels, of.lens.focus_m[4])
+    blur = kinds.blur_px(drawn.scene.camera, 48, channels["depth_m"].pixels, of.lens.focus_m[4])
     assert np.allclose(channels["coc_px.04"].pixels, blur, atol=1e-4)
     assert item.arrays["truth_normal"].shape == (48, 48, 3)
     field = Description.check(SMALL | {
@@ -113,7 +113,7 @@ def test_truth_has_normals_albedo_and_numbers_of_objects(device):
 
 def test_blur_is_that_of_a_thin_lens():
     camera = lens_of(Description.check(SMALL), 0).camera
-    near, at, far = items.blur_px(camera, 100, np.array([0.1, 0.3, 3.0], np.float32), 0.3)
+    near, at, far = kinds.blur_px(camera, 100, np.array([0.1, 0.3, 3.0], np.float32), 0.3)
     assert near < 0 and abs(at) < 1e-5 and far > 0
     diameter = camera.focal_length_m / camera.f_number * (1 / 0.3 - 1 / 3)
     assert far == pytest.approx(diameter / camera.field_width * 100, rel=1e-5)
@@ -125,7 +125,7 @@ def test_pairs(device, tmp_path):
     coc, depth = (read_exr(folder / f"{name}.exr")[0][..., 0] for name in ("coc_px", "depth_m"))
     record = json.loads((folder / "json").read_text())
     assert record["focus_m"] == [of.lens.focus_m[1]]
-    assert np.allclose(coc, items.blur_px(lens_of(of, 0).camera, 48, depth, of.lens.focus_m[1]))
+    assert np.allclose(coc, kinds.blur_px(lens_of(of, 0).camera, 48, depth, of.lens.focus_m[1]))
     sharp, soft = (read_picture(folder / f"{name}.png") for name in ("sharp", "defocused"))
     assert sharp.shape == soft.shape == (48, 48, 3) and (sharp != soft).any()
 
@@ -165,7 +165,7 @@ def luma_of_codes(codes):
 
 
 def made_by(of, tmp_path, name, device, indices=range(3)):
-    items.make_batch(
+    batches.make_batch(
         of, indices, tmp_path / f"{name}.tar", tmp_path / f"{name}.json", tmp_path / name, device
     )
 
@@ -191,7 +191,7 @@ def test_a_killed_batch_keeps_whole_scenes(tmp_path, monkeypatch):
         done.append(index)
         return make(description, index, *more, **named)
 
-    monkeypatch.setattr(items, "make_item", killed)
+    monkeypatch.setattr(batches, "make_item", killed)
     with pytest.raises(KeyboardInterrupt):
         made_by(of, tmp_path, "batch", device)
     assert not (tmp_path / "batch.tar").exists() and done == [0, 1]
@@ -200,7 +200,7 @@ def test_a_killed_batch_keeps_whole_scenes(tmp_path, monkeypatch):
         done.append(index)
         return make(description, index, *more, **named)
 
-    monkeypatch.setattr(items, "make_item", counted)
+    monkeypatch.setattr(batches, "make_item", counted)
     made_by(of, tmp_path, "batch", device)
     assert done == [0, 1, 2]
 
@@ -212,7 +212,7 @@ def test_a_broken_mesh_is_left_out_and_scenes_without_it_stay(device, tmp_path):
     of = Description.check(SMALL | {"shapes": shapes, "scenes": {"train": 6}})
     whole = [sample(of, index) for index in range(6)]
     (tmp_path / "1.ply").write_bytes(b"ply\nnonsense")
-    sampling.mesh.cache_clear()
+    mesh.cache_clear()
     for index, before in enumerate(whole):
         after = sample(of, index)
         assert ("1.ply" in before.objects) == ("1.ply" in after.dropped)
@@ -222,14 +222,14 @@ def test_a_broken_mesh_is_left_out_and_scenes_without_it_stay(device, tmp_path):
             assert scene_digest(after.scene) == scene_digest(before.scene)
     dropped = [index for index, one in enumerate(whole) if "1.ply" in one.objects]
     assert 0 < len(dropped) < 6
-    records = items.make_batch(
+    records = batches.make_batch(
         of, dropped[:1], tmp_path / "a.tar", tmp_path / "a.json", tmp_path / "a", device
     )
     listed = tables(of, records, tmp_path / "none")["sources"].set_index("shape")
     assert "1.ply" in listed.problem["1.ply"] and listed.problem.drop("1.ply").isna().all()
     for k in (0, 2):
         (tmp_path / f"{k}.ply").write_bytes(b"ply\nnonsense")
-    sampling.mesh.cache_clear()
+    mesh.cache_clear()
     refused("cannot be read", sample, of, dropped[0])
 
 
@@ -242,20 +242,20 @@ def test_a_set_in_which_much_is_refused_is_none():
 @pytest.mark.parametrize("shards", [False, True])
 def test_items_of_a_finished_set_are_kept_if_they_are_made_of_the_same(device, tmp_path, shards):
     old = Description.check(SMALL | {"shards": shards, "scenes_per_job": 2})
-    folder, batches = tmp_path / "set", []
+    folder, made_batches = tmp_path / "set", []
     for name in old.batches():
         shard = tmp_path / f"{name}.tar"
         words = old.scenes_of(name), shard, tmp_path / "records", tmp_path / "drafts", device
-        batches.append((shard, items.make_batch(old, *words, made_of="code")))
-    records = [one for _, made in batches for one in made]
-    stored.unpack(old, [shard for shard, _ in batches], folder / "data")
+        made_batches.append((shard, batches.make_batch(old, *words, made_of="code")))
+    records = [one for _, made in made_batches for one in made]
+    stored.unpack(old, [shard for shard, _ in made_batches], folder / "data")
     for name, table in tables(old, records, folder / "data").items():
         table.to_csv(folder / f"{name}.csv", index=False)
     (folder / "description.yaml").write_text(json.dumps({"dataset": old.model_dump()}))
     finished = stored.Finished.at(folder)
     for index, record in enumerate(records):
         files, found = finished.item(index, "code")
-        (item,) = stored.stored_items([shard for shard, _ in batches], [index])
+        (item,) = stored.stored_items([shard for shard, _ in made_batches], [index])
         assert files == item.files and found == record
     assert finished.item(0, "other code") is None and finished.item(3, "code") is None
     place = folder / "data" / ("00000.tar" if shards else "000000AiF.tif")
@@ -273,7 +273,7 @@ def test_a_job_removes_its_drafts_of_other_code(device, tmp_path):
     of = Description.check(SMALL | {"placement": {"objects": 1, "size": 0.01, "least_seen": 0.5}})
     for stem in ("00000", "00001"):
         (tmp_path / f"drafts-0a-1b-{stem}").mkdir()
-    items.run_batch(of, range(1), tmp_path / "00000.tar", tmp_path / "set", "[]", device)
+    batches.run_batch(of, range(1), tmp_path / "00000.tar", tmp_path / "set", "[]", device)
     assert {path.name for path in tmp_path.iterdir()} == {
         "00000.tar", "00000.json", "drafts-0a-1b-00001",
     }  # fmt: skip

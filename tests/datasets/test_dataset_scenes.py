@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from plain_scenes import refused
 
 import lfcore
+from lfcore.datasets.batches import make_batch
 from lfcore.datasets.card import RECORDS, tables, write_report
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import make_batch
 from lfcore.datasets.looks import BACKDROP
 from lfcore.datasets.sample import lens_of, sample
 from lfcore.scene.files import scene_digest

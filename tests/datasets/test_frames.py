@@ -11,7 +11,7 @@ import pytest
 import lfcore
 from lfcore import SensorPlane, Slab, Stacks
 from lfcore.colour import srgb_encode
-from lfcore.datasets import items, stored
+from lfcore.datasets import batches, items, stored
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import sample
 from lfcore.errors import SettingsError
@@ -154,8 +154,8 @@ def test_films_continue_after_a_kill_and_have_the_truth_of_each_instant(
     monkeypatch.setattr(record_film, "encode", stop)
     batch = of, [0], tmp_path / "0.tar", tmp_path / "0.json", tmp_path / "drafts", device
     with pytest.raises(KeyboardInterrupt):
-        items.make_batch(*batch)
-    (facts,) = items.make_batch(*batch)
+        batches.make_batch(*batch)
+    (facts,) = batches.make_batch(*batch)
     assert len(encoded) == 3 and not (tmp_path / "drafts").exists()
     stored.unpack(of, [tmp_path / "0.tar"], tmp_path)
     film = lfcore.LightField.open(tmp_path / "train/000000/film.mkv")
@@ -170,7 +170,7 @@ def test_instants_are_stored_as_items(device, tmp_path):
     keys = {"kind": "infinigen_defocus", "frames": FRAMES | {"count": 2}, "truth": False}
     lens = {"stops": [2.0], "focus_m": [0.3]}
     of = Description.check(SMALL | keys | {"lens": lens, "scenes": {"train": 0, "validation": 1}})
-    items.make_batch(of, [0], tmp_path / "0.tar", tmp_path / "0.json", tmp_path / "d", device)
+    batches.make_batch(of, [0], tmp_path / "0.tar", tmp_path / "0.json", tmp_path / "d", device)
     stored.unpack(of, [tmp_path / "0.tar"], tmp_path)
     rows = json.loads((tmp_path / "val.json").read_text())["files"]
     assert [row["id"] for row in rows] == ["000000_t000", "000000_t001"]

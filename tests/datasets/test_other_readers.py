@@ -10,9 +10,9 @@ from scipy.ndimage import map_coordinates
 
 from lfcore import Slab, render, sample_scene
 from lfcore.colour import srgb_codes, srgb_decode
+from lfcore.datasets.batches import make_batch
 from lfcore.datasets.card import tables, write_card
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import make_batch
 from lfcore.datasets.stored import stored_items, unpack
 from lfcore.exr import read_exr
 from lfcore.pictures import read_picture

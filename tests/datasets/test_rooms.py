@@ -8,10 +8,11 @@ import pytest
 
 import lfcore
 from lfcore.datasets.description import Description
+from lfcore.datasets.draws import Draw
 from lfcore.datasets.metering import MIDDLE, WHITE, brighter, metered
 from lfcore.datasets.room_views import camera_of
 from lfcore.datasets.rooms import SMALL, Room
-from lfcore.datasets.sample import Draw, sample
+from lfcore.datasets.sample import sample
 from lfcore.datasets.views import view
 from lfcore.optics.slab import Slab
 from lfcore.rendering.prepared import open_tracer

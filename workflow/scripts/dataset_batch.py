@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from lfcore.datasets.batches import run_batch
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import run_batch
 from lfcore.workflow.job import job
 
 with job(snakemake) as (inputs, params, output):
