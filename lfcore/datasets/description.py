@@ -87,25 +87,25 @@ class Shapes(_Keys):
         "", description="licence and source of meshes that have no file MESH.license beside them"
     )
     builders: list[Literal[SHAPES]] = _key(list(SHAPES), description="procedural shapes")
-    share_of_meshes: Share = _key(0.5, description="of objects, where there are both")
+    share_of_meshes: Share = _key(0.5, description="share of meshes among objects")
 
 
 class Materials(_Keys):
     textures: str = _key("", description="a folder of pictures; empty: procedural ones")
-    share_textured: Share = _key(0.85, description="of objects and walls that have no texture")
-    repeats: span(0.1, 100) = _key((1, 4, "log"), description="of a texture over an object")
+    share_textured: Share = _key(0.85, description="share of textures on untextured objects")
+    repeats: span(0.1, 100) = _key((1, 4, "log"), description="repeats of a texture over an object")
     share_redressed: Share = _key(
-        0.25, description="of furniture and toys in one such material; others vary in colour"
+        0.25, description="share of furniture and toys in one new material; others vary in colour"
     )
-    share_metal: Share = _key(0.15, description="of objects; of pans and fittings six times it")
-    share_polished: Share = _key(0.5, description="of metal; it mirrors")
+    share_metal: Share = _key(0.15, description="share of metal objects; six times for pans")
+    share_polished: Share = _key(0.5, description="share of metal that mirrors")
     share_glass: Share = _key(
-        0.1, description="of objects; of vases, bowls, bottles and drinking glasses six times it"
+        0.1, description="share of glass objects; six times for vases, bowls and bottles"
     )
-    share_coated: Share = _key(0.15, description="of other objects and of wood: a clear coat")
-    share_panes: Share = _key(0.8, description="of the windows of rooms")
-    share_mirrors: Share = _key(0.15, description="of what hangs on the walls of rooms")
-    roughness: span(0.02, 1) = _key((0.15, 1, "even"), description="of objects")
+    share_coated: Share = _key(0.15, description="share of other objects with a coat")
+    share_panes: Share = _key(0.8, description="share of windows with glass")
+    share_mirrors: Share = _key(0.15, description="share of mirrors on walls")
+    roughness: span(0.02, 1) = _key((0.15, 1, "even"), description="roughness of objects")
 
 
 class Lights(_Keys):
@@ -115,7 +115,7 @@ class Lights(_Keys):
     elevation_deg: span(5, 90) = _key((20, 80, "even"), description="elevation of lights, degrees")
     ambient: span(0, 10) = _key((0.1, 0.3, "even"), description="light without direction")
     share_sky: Share = _key(
-        0.5, description="of scenes lit by a baked sky; others have even ambient light"
+        0.5, description="share of scenes lit by a baked sky; others have even ambient light"
     )
 
 
