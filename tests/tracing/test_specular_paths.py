@@ -187,6 +187,36 @@ def test_a_mirror_has_no_highlight_of_a_sun_that_its_rays_meet(angular_radius):
     assert (shining.max() > 0.1) == (angular_radius == 0)
 
 
+@pytest.mark.parametrize("name", ["rough metal", "rough coat"])
+def test_a_sun_is_a_highlight_of_rough_surfaces_and_their_rays_meet_the_sky(name):
+    even = np.full((16, 16, 3), 0.5, np.float32)
+    rough = replace(world(**KINDS[name]), lights=[SUN])
+    _, expected = compare(replace(rough, sky=even), camera_rays(2000))
+    _, dark = compare(replace(rough, background=(0.0, 0.0, 0.0)), camera_rays(2000))
+    seen = expected.specular.max(1) > 0
+    assert expected.own[seen].max() > 0.5
+    assert (expected.specular - dark.specular).max() > 0.01
+
+
+@pytest.mark.parametrize("metallic", [0.0, 1.0])
+@pytest.mark.parametrize("roughness", [0.031, 0.3])
+def test_rough_floors_are_the_oracles_to_the_horizon(roughness, metallic):
+    """Rays meet the floor at 20 to 0.006 degrees."""
+    square = np.float32(
+        [[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]]
+    )
+    floor = square[..., [0, 2, 1]] * 1000 + np.float32([0, 0.2, 1000.5])
+    wall = square * 1000 + np.float32([0, 0, 2000])
+    materials = [Material("floor", metallic=metallic, roughness=roughness), Material("matt")]
+    plain = scene(
+        np.concatenate([floor, wall]), materials=materials, material_ids=np.int32([0, 0, 1, 1])
+    )
+    origins, directions = np.zeros((200, 3), np.float32), np.ones((200, 3), np.float32)
+    directions[:, 0], directions[:, 1] = 0, 0.2 / np.geomspace(0.55, 1900, 200)
+    found, expected = compare(plain, (origins, directions))
+    assert (expected.specular.max(1) > 0).mean() > 0.5 and np.isfinite(found.specular).all()
+
+
 @pytest.mark.parametrize("single_rays", [False, True])
 @pytest.mark.parametrize("name", ["absorbing", "pane", "veil", "mirror"])
 def test_shadows_of_what_light_passes_are_tinted(name, single_rays):
