@@ -189,8 +189,7 @@ SAID = {
     'assumed: its own camera; view_from="front" frames all of it',
     "assumed: it moves from 0 to 1 s, shown is the first instant; .at() has others",
     "left out: material 'bumps': baked shadows",
-    "left out: reflections of emitting surfaces (lamp, sign) in glossy ones (gold, bands, bumps)",
-    "left out: reflections of things near metals (gold, bands), which reflect sky and lights alone",
+    "left out: reflections of emitting surfaces (lamp, sign) in glossy ones (bumps)",
 }
 
 
