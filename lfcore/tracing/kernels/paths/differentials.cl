@@ -50,22 +50,23 @@ inline void find_bends(const Scene *s, const TriangleRow *triangles, const Vec *
 {
     for (int k = 0; k < MOVES; ++k) bends[k] = spread3(0.0f);
     if (!SMOOTH) return;
-    Vec of[3];
+    Vec normals[3];
     for (int axis = 0; axis < 3; ++axis) {
         vf at[3];
         read_slot(s, triangles, NORMAL + axis, at);
-        for (int k = 0; k < 3; ++k) (axis == 0 ? &of[k].x : axis == 1 ? &of[k].y : &of[k].z)[0] = at[k];
+        for (int k = 0; k < 3; ++k)
+            *(axis == 0 ? &normals[k].x : axis == 1 ? &normals[k].y : &normals[k].z) = at[k];
     }
-    const Vec mean = fma3(w.x, of[0], fma3(w.y, of[1], scale3(of[2], w.z)));
+    const Vec mean = fma3(w.x, normals[0], fma3(w.y, normals[1], scale3(normals[2], w.z)));
     const vf square = max(dot3(mean, mean), (vf)(LEAST_LENGTH)), inverse = inverse_sqrt(square);
     const Vec b = minus3(v[1], v[0]), c = minus3(v[2], v[0]), n = cross3(b, c);
     const vf area = max(dot3(n, n), (vf)(LEAST_LENGTH));
     const Vec along_b = scale3(cross3(c, n), 1.0f / area), along_c = scale3(cross3(n, b), 1.0f / area);
-    const Vec of_b = minus3(of[1], of[0]), of_c = minus3(of[2], of[0]);
+    const Vec normals_b = minus3(normals[1], normals[0]), normals_c = minus3(normals[2], normals[0]);
     const vi side = sign_of(dot3(mean, normal));
     for (int k = 0; k < MOVES; ++k) {
-        const Vec change = fma3(dot3(d->point[k], along_b), of_b,
-                                scale3(of_c, dot3(d->point[k], along_c)));
+        const Vec change = fma3(dot3(d->point[k], along_b), normals_b,
+                                scale3(normals_c, dot3(d->point[k], along_c)));
         const Vec across = fma3(-dot3(change, mean) / square, mean, change);
         bends[k] = turn_vectors(scale3(across, inverse), side);
     }

@@ -175,7 +175,7 @@ inline Vec read_planes(const Scene *s, global const Hits *hits, int at, vi mine,
     triangles->count = LANES;
     VSTORE(pick_int((vi)(any), VLOAD(hits->triangle + at), mine), triangles->ids);
     read_corners(s, triangles, corner);
-    return directions_of(cross3(minus3(corner[1], corner[0]), minus3(corner[2], corner[0])));
+    return directions_of(geometric_normals(corner));
 }
 
 // The share of light that meets the surfaces of a row.

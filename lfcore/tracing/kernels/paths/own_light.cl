@@ -11,7 +11,7 @@ inline void reflect_parts(global const LightRecord *light, const Surface *s, vi 
     const Vec towards = towards_light(light, s->point, &attenuation);
     const vf cosine = dot3(s->normal, towards);
     const vi facing = seeing & GT(cosine, (vf)(0.0f)) &
-                      GT(dot3(s->geometric_normal, towards), (vf)(0.0f));
+                      GT(dot3(s->smooth_normal, towards), (vf)(0.0f));
     attenuation = pick((vf)(0.0f), attenuation, facing);
     *matt = scale3(s->albedo, pick((vf)(0.0f), cosine * attenuation, facing));
     *shine = spread3(0.0f);

@@ -44,7 +44,7 @@ inline void add_light(global const LightRecord *light, const Surface *s, vi seei
     const Vec towards = towards_light(light, s->point, &attenuation);
     const vf cosine = dot3(s->normal, towards);
     vi facing = seeing & GT(cosine, (vf)(0.0f));
-    if (PHYSICAL) facing &= GT(dot3(s->geometric_normal, towards), (vf)(0.0f));
+    if (PHYSICAL) facing &= GT(dot3(s->smooth_normal, towards), (vf)(0.0f));
     Vec c = scale3(s->albedo, pick((vf)(0.0f), cosine * attenuation, facing));
     if (PHYSICAL && is_metallic(s->material))
         c = reflect_light(s, towards, cosine, pick((vf)(0.0f), attenuation, facing));
@@ -82,9 +82,9 @@ inline Vec light_row(const Scene *scene, const Surface *s, global const int *lit
     for (int k = 0; k < n->unshadowed_lights; ++k)
         add_light(scene->lights + k, s, (vi)(-1), spread3(vload3(0, scene->lights[k].colour)), &sum);
     for (int k = 0; SHADOWS && k < n->shadow_lights; ++k) {
-        const int seen = lit[k * BLOCK + at / BLOCK] >> at % BLOCK;
-        if (seen & ((1 << LANES) - 1))
-            add_light(scene->lights + n->unshadowed_lights + k, s, mask_of_bits(seen),
+        const int lit_bits = lit[k * BLOCK + at / BLOCK] >> at % BLOCK;
+        if (lit_bits & ((1 << LANES) - 1))
+            add_light(scene->lights + n->unshadowed_lights + k, s, mask_of_bits(lit_bits),
                       tinted_colour(scene, k, lit, at), &sum);
     }
     return sum;

@@ -66,7 +66,7 @@ inline void map_light(const Scene *scene, Surface *s)
     const int side = scene->numbers->sky_side;
     global const float *gloss = scene->sky + 4 * side * side;
     for (int k = 0; k < LANES; ++k) {
-        const float3 n = ray_vector(&s->geometric_normal, k);
+        const float3 n = ray_vector(&s->smooth_normal, k);
         const float3 unmapped = gloss_between(gloss, GLOSS_LEVELS, n).xyz;
         const float3 mapped = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->normal, k)).xyz;
         const float3 share = min(mapped / max(unmapped, LEAST_SKY), MOST_BRIGHTENED);

@@ -18,7 +18,7 @@ typedef struct {
     Vec albedo, point;
     Vec normal;                     // of unit length
     Vec to_viewer;                  // of unit length, only for specular materials
-    Vec geometric_normal, emission;  // PHYSICAL: the normal without the normal map
+    Vec smooth_normal, emission;  // PHYSICAL: the normal without the normal map
     vf metallic, alpha2;            // PHYSICAL: the fourth power of roughness
     Vec light;                      // BAKED: irradiance by sky and surfaces, over pi
     vf roughness;                   // PHYSICAL
@@ -63,9 +63,9 @@ inline void read_row_maps(const Scene *scene, global const Hits *hits, int at, S
     vf roughness = m->record.roughness;
     s->emission = spread3(vload3(0, m->record.emission));
     s->metallic = m->record.metallic;
-    s->normal = s->geometric_normal = load3(hits->value[NORMAL], at);
+    s->normal = s->smooth_normal = load3(hits->value[NORMAL], at);
     if (m->maps[MAP_NORMAL].height)
-        s->normal = map_normals(scene, m, hits, at, s->geometric_normal);
+        s->normal = map_normals(scene, m, hits, at, s->smooth_normal);
     if (m->maps[MAP_METAL].height) {
         const Vec c = map_row(scene, m, MAP_METAL, hits, at);
         s->metallic = c.z * m->record.metallic;
