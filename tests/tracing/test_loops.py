@@ -12,7 +12,7 @@ STEP = r"(?:\+\+{0}\b|--{0}\b|\b{0}\+\+|\b{0} (?:\+|-|/)= |\b{0} &= {0} - 1\b)"
 """Steps of a counter, or of the bits of a mask, whose number the type bounds."""
 COMPARED = r"\b{0}\b (<|>|<=|>=) |(^|&& ?|\s){0}\s*($|&&)"
 BOUNDS = {
-    r"next_leaf\(|next_hiding\(|stack(->|\.)size": "a node or leaf of the tree, each once",
+    r"next_leaf\(|next_occluding\(|stack(->|\.)size": "a node or leaf of the tree, each once",
     r"atomic_inc\(next\w*\)": "a piece of work: the counter only grows",
     r"next_span\(": "a ray of a block: a span takes the nearest (test_bounds.py)",
     r"left && row_inside|left = row_bits\(": "a bit of the mask: turns clear the lowest",
