@@ -180,7 +180,8 @@ def _roughness(scene: Scene, material: Material) -> tuple[float, float]:
     if material.metal_texture < 0 or not len(scene.uvs):
         return material.roughness, material.roughness
     texels = scene.textures[material.metal_texture][..., 1]
-    return tuple(material.roughness * int(end) / 255 for end in (texels.min(), texels.max()))
+    least, most = (material.roughness * int(end) / 255 for end in (texels.min(), texels.max()))
+    return least, most
 
 
 def _has_curves(scene: Scene) -> bool:
