@@ -196,7 +196,7 @@ def _note(
     focus: list[float],
     rendering: Rendering,
 ) -> None:
-    """Add the facts of defocused pictures to the record, which has those of the sharp one."""
+    """Add the facts of defocused pictures to the record.  Those of the sharp picture are there."""
     rays, sharp_db = item.record["rays_per_pixel"], item.record["each_db"]
     pixels = description.size.shorter
     radii = np.abs([blur_px(camera, pixels, depth, distance) / 2 for distance in focus])

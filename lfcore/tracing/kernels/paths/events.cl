@@ -127,7 +127,8 @@ inline Events find_events(const Scene *scene, int number, vf opacity, Media medi
 
 inline vf mean_of(Vec a) { return (a.x + a.y + a.z) * (1.0f / 3.0f); }
 
-// Let rays of rough mirrors meet a microfacet of the base or of the coat, by two numbers of a ray.
+// A ray that meets a rough mirror meets one microfacet, of the base or of the coat; its two numbers
+// choose which.
 // Its normal takes the place of `normal`, and its share that of both, divided by the chance that it
 // is met.  Returns the spread of the part of the lobe that a ray stands for; 0 for plain mirrors.
 inline vf meet_facets(const Surface *s, const vf number[2], Events *e, Vec *normal)

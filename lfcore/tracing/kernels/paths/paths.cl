@@ -134,7 +134,7 @@ typedef struct {
     Media media;
     Differentials moves;
     int branch[LANES];  // their numbers
-    vf number[2], spread, blur;  // ROUGH: from 0 to 1; and as those of a path
+    vf number[2], spread, blur;  // ROUGH: the numbers are from 0 to 1, the rest as in Path
 } PathRow;
 
 inline void set_lane(vf *row, int k, float x) { ((float *)row)[k] = x; }
